@@ -44,11 +44,11 @@ def check_foreign(words: list[str]) -> None:
     match words:
         case ["make", target, *_]:
             assert re.search(rf"^{re.escape(target)}:", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
-        case ["git", "clone", *_]:
+        case ["git", "clone", *_] | ["cd", _]:
             pass
         case ["pip", "install", *what]:
             for package in what:
-                extra = re.fullmatch(r"mavlink-formation\[(\w+)\]", package)
+                extra = re.fullmatch(r"(?:mavlink-formation|\.)\[(\w+)\]", package)
                 assert extra[1] in project["optional-dependencies"] if extra else (ROOT / package).exists(), package
         case ["pytest", *options]:
             assert all(not option.startswith("--") or option in MOST for option in options)
@@ -58,8 +58,10 @@ def check_foreign(words: list[str]) -> None:
             typer.main.get_command(app).make_context(module, options)
         case ["python", script, *_]:
             assert (ROOT / script).is_file(), script
+        case ["sudo", program, *rest] if program.endswith("/pip"):
+            check_foreign(["pip", *rest])
         case ["sudo", program, *_]:
-            assert program in {"cp", "mkdir", "systemctl", "udevadm", "useradd", "usermod"}
+            assert program in {"cp", "python3", "mkdir", "systemctl", "udevadm", "useradd", "usermod"}
         case [program, *_]:
             assert program in FOREIGN, f"{program}: neither ours nor known"
     for path in PATHS.findall(" ".join(words)):

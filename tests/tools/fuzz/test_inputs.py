@@ -4,8 +4,7 @@ from types import ModuleType
 
 import pytest
 
-from drone_agent.guard.core import datagrams
-from tools.fuzz import frames, natnet, qtm, vicon, vrpn
+from tools.fuzz import datagrams, frames, natnet, qtm, vicon, vrpn
 from wire.link_messages import GROUND
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import FRAMES_MOST

@@ -16,8 +16,8 @@ import zenoh
 from formation.config import LinkConfig
 from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth, Verb
 from tests.free_ports import free_port
+from tests.wire import peer as wire_peer
 from tests.wire.spine import assert_identical
-from tests.wire.transport.test_udp_socket import peer as wire_peer
 from tests.wire.waiting import PATIENCE_S, in_loop, until
 from wire.clock import monotonic_ns
 from wire.mavlink.framing import LARGEST_DATAGRAM

@@ -7,13 +7,13 @@ from typing import Any
 
 from formation.config import LabConfig
 from wire.config_file import load as load_lab
+from wire.logs import COLOURS
 from wire.logs.mcap_read import LogError, lab_of, read_log
 from wire.logs.scene import rerun_blueprint
 
 USUAL = ("leader", "right", "left")
 APPLICATION = "mavlink-formation"
 FOXGLOVE, RERUN = ".json", ".rbl"
-_COLOURS = ("#2b3440", "#1f77d0", "#e8772e", "#2a9d6f", "#b5459b", "#8a6d1f", "#0f9fb4", "#7a56c8", "#c94f5d")
 
 
 def bodies_of(source: Path | None) -> tuple[str, ...]:
@@ -104,7 +104,7 @@ def _paths(bodies: Sequence[str], *fields: str) -> list[dict[str, Any]]:
     return [
         {
             "value": f"/drone/{body}/{field}", "enabled": True, "timestampMethod": "receiveTime",
-            "label": f"{body} {field.split('.', 1)[1]}", "color": _COLOURS[i % len(_COLOURS)],
+            "label": f"{body} {field.split('.', 1)[1]}", "color": COLOURS[i % len(COLOURS)],
         }
         for i, body in enumerate(bodies)
         for field in fields

@@ -16,8 +16,7 @@ _AT_ONCE = -(2**62)
 _WRAP_NS = 2**32 * 1_000_000
 _LAG_NS = 10_000_000_000
 _STAMPED_MS = (-5.0, 2000.0)
-FAST_S, SLOW_S = 0.1, 1.0
-FAST_NS, SLOW_NS = round(FAST_S * 1e9), round(SLOW_S * 1e9)
+FAST_NS, SLOW_NS = 100_000_000, 1_000_000_000
 SETTLED = 8
 RATE_OFFSET_MIN, RATE_OFFSET_OVER_NS = 1e-3, 2_000_000_000
 """A clock whose rate differs by this share, over at least this time, is no crystal. HISTORY: exchanges compared."""

@@ -24,13 +24,13 @@ from matplotlib.figure import Figure
 from analysis.load import Flight
 from formation.maths.arrays import Bool, Float
 from formation.messages import Phase, Severity, Verb
+from wire.logs import ALARM as ALARM
+from wire.logs import COLOURS
 
 INK = "#1d2733"
 SOFT = "#66727f"
 FAINT = "#c9d0d8"
-ALARM = "#c2372e"
-LEADER = "#2b3440"
-FOLLOWERS = ("#1f77d0", "#e8772e", "#2a9d6f", "#b5459b", "#8a6d1f", "#0f9fb4", "#7a56c8", "#c94f5d")
+LEADER, *FOLLOWERS = COLOURS
 PHASES: Mapping[Phase, str] = MappingProxyType(
     {
         Phase.GROUND: "#eef0f2",

@@ -20,14 +20,13 @@ from mocap.capture_time import CaptureTime
 from mocap.sources.numbered import NumberedFrames
 from mocap.sources.poses import from_matrices
 from mocap.sources.source import Feed, SourceStatus
-from mocap.sources.tcp import ProtocolError, TcpClient
+from mocap.sources.tcp import ANSWER_NS, LARGEST_PACKET, ProtocolError, TcpClient
 from wire.transport.frame_check import MOST_BODIES
 
 HEADER = struct.Struct("<II")
 DATA_HEADER = struct.Struct("<qII")
 BODIES = struct.Struct("<ihh")
 BODY_FLOATS = 12
-LARGEST_PACKET = 1 << 20
 MOST_COMPONENTS = 32
 
 
@@ -119,7 +118,6 @@ def names_of(parameters: str, *, also_off: bool = True) -> tuple[str, ...]:
 VERSION = "1.19"
 """The oldest in wide use; QTM serves every older one too."""
 WELCOME = "QTM RT Interface connected"
-ANSWER_NS = 2_000_000_000
 AGAIN_NS, SOON_NS = 1_000_000_000, 100_000_000
 """Period of asking for the names: QTM may rename a body without an event, or may have gone silent."""
 ANSWERS_MAX = 8

@@ -11,12 +11,13 @@ from typing import Any, Protocol
 from formation.maths.arrays import Bool, Float
 from formation.messages import Event, RawFrame, Severity
 from formation.mocap_config import MocapConfig
+from formation.model import LONGEST_NAME
 from wire.clock import Clock
 from wire.process.daemon import EventSink
 from wire.rejections import RejectionLog
 from wire.text import plain
 
-LONGEST_NAME, LONGEST_TEXT = 64, 200
+LONGEST_TEXT = 200
 
 
 @dataclass(frozen=True, slots=True)

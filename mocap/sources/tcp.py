@@ -9,6 +9,9 @@ from mocap.sources.source import Feed
 
 CONNECT_S, AGAIN_S, SILENT_S = 2.0, 0.5, 2.0
 TICK_S = 0.1
+ANSWER_NS = 2_000_000_000
+"""A server that has not answered what was asked first by then speaks another protocol."""
+LARGEST_PACKET = 1 << 20
 
 
 class ProtocolError(ValueError):

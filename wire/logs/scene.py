@@ -19,13 +19,9 @@ from google.protobuf.timestamp_pb2 import Timestamp
 from formation import messages as m
 from formation.config import Fence, LabConfig
 from formation.maths.arrays import Vec3s
+from wire.logs import ALARM, COLOURS
 
 LAB = "lab"
-COLOURS = (
-    (0.17, 0.20, 0.25), (0.12, 0.47, 0.82), (0.91, 0.47, 0.18), (0.16, 0.62, 0.44), (0.71, 0.27, 0.61),
-    (0.54, 0.43, 0.12), (0.06, 0.62, 0.71), (0.48, 0.34, 0.78), (0.79, 0.31, 0.36),
-)  # fmt: skip
-"""Leader first; the report's own."""
 TRAIL_S = 10
 THICK_M = 0.03
 _LEVELS = {
@@ -126,7 +122,7 @@ def _fence(entity: SceneEntity, fence: Fence) -> None:
     """The twelve edges of the box."""
     lines = entity.lines.add(type=LinePrimitive.LINE_LIST, thickness=1.5, scale_invariant=True)
     lines.pose.orientation.w = 1.0
-    lines.color.CopyFrom(_colour((0.76, 0.22, 0.18), 0.7))
+    lines.color.CopyFrom(_colour(ALARM, 0.7))
     for a, b in _edges():
         for corner in (a, b):
             x, y, z = (fence.high_m[k] if up else fence.low_m[k] for k, up in enumerate(corner))
@@ -141,8 +137,9 @@ def _edges() -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
                 yield corner, (*corner[:axis], 1, *corner[axis + 1 :])
 
 
-def _colour(rgb: tuple[float, float, float], alpha: float) -> Color:
-    return Color(r=rgb[0], g=rgb[1], b=rgb[2], a=alpha)
+def _colour(code: str, alpha: float) -> Color:
+    red, green, blue = (channel / 255.0 for channel in bytes.fromhex(code.removeprefix("#")))
+    return Color(r=red, g=green, b=blue, a=alpha)
 
 
 def _stamp(t_ns: int) -> Timestamp:

@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 import zenoh
 
 from formation.messages import Event, LabFrame, RawFrame
+from formation.model import LONGEST_NAME
 from wire.clock import REAL_TIME, Clock
 from wire.clock_offset import SenderClock
 from wire.schema import Schema, SchemaError, schema_of
@@ -52,7 +53,7 @@ _RAW: Schema[RawFrame] = schema_of(RawFrame)
 _FRAME: Schema[LabFrame] = schema_of(LabFrame)
 _EVENT: Schema[Event] = schema_of(Event)
 _ALIVE = "mocap/alive"
-LONGEST_TEXT, LONGEST_NAME, MOST_CLOCKS = 500, 64, 4
+LONGEST_TEXT, MOST_CLOCKS = 500, 4
 SHOWN_NAME = 12
 
 

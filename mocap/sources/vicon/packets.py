@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mocap.sources.tcp import ProtocolError
+from mocap.sources.tcp import LARGEST_PACKET, ProtocolError
 from wire.transport.frame_check import MOST_BODIES
 
 HEADER = struct.Struct("<II")
 STREAM_TAG = 0x1A2B0001
-LARGEST_PACKET = 1 << 20
 MOST_BLOCKS = 4 * MOST_BODIES
 TICKS_HZ = 135_000_000
 SEGMENT = struct.Struct("<I12d")

@@ -13,7 +13,7 @@ from mocap.capture_time import CaptureTime
 from mocap.sources.numbered import NumberedFrames
 from mocap.sources.poses import from_matrices
 from mocap.sources.source import Feed, SourceStatus
-from mocap.sources.tcp import ProtocolError, TcpClient
+from mocap.sources.tcp import ANSWER_NS, ProtocolError, TcpClient
 from mocap.sources.vicon import packets
 from mocap.sources.vicon.packets import TICKS_HZ, Block, Kind, Layout, Rows, is_plain, rows_of
 
@@ -22,7 +22,6 @@ WANTED = frozenset(
 )
 PING_NS = 1_000_000_000
 """A server whose cameras are paused still answers."""
-ANSWER_NS = 2_000_000_000
 T = TypeVar("T")
 
 

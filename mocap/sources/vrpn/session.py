@@ -10,6 +10,7 @@ from typing import Protocol
 
 from formation.messages import Severity
 from formation.mocap_config import ChingmuConfig
+from formation.model import LONGEST_NAME
 from mocap.capture_time import CaptureTime
 from mocap.sources.poses import from_quaternions
 from mocap.sources.source import Feed
@@ -20,7 +21,6 @@ from mocap.sources.vrpn.messages import Message, Stream
 from wire.text import plain
 
 NAMES_MAX = 8
-LONGEST_NAME = 64
 
 
 class Naming(Protocol):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from qtm_rt.packet import QRTPacketType
 
-from mocap.sources.qualisys import LARGEST_PACKET, Stream, bodies_of, command, names_of
-from mocap.sources.tcp import ProtocolError
+from mocap.sources.qualisys import Stream, bodies_of, command, names_of
+from mocap.sources.tcp import LARGEST_PACKET, ProtocolError
 from tests.mocap.sources.qtm_bytes import FRAME, PARAMETERS_1_19, PARAMETERS_1_25, WELCOME
 
 

@@ -206,7 +206,7 @@ class Vicon:
 
     def _receive(self, frame: ViconFrame, now_ns: int) -> None:
         seq = self._frames.number(frame.number)
-        if seq is None:
+        if seq is None or len(frame.rows) != len(self._frames.bodies):  # its connection has not named its subjects yet
             return
         t_capture_ns = self._capture_ns(frame, now_ns)
         placed = from_matrices(frame.rows, by_columns=False, unit_m=self._feed.unit_m, lost_is_nan=False)

@@ -38,13 +38,7 @@ nightly: setup
 	$(MAKE) fuzz mutants
 
 fuzz: $(VENV)/.fly
-	$(BIN)/python -m tools.fuzz.datagrams $(ARGS)
-	$(BIN)/python -m tools.fuzz.frames $(ARGS)
-	$(BIN)/python -m tools.fuzz.flight $(ARGS)
-	$(BIN)/python -m tools.fuzz.vrpn $(ARGS)
-	$(BIN)/python -m tools.fuzz.natnet $(ARGS)
-	$(BIN)/python -m tools.fuzz.qtm $(ARGS)
-	$(BIN)/python -m tools.fuzz.vicon $(ARGS)
+	$(BIN)/python -m tools.fuzz $(ARGS)
 
 # Every shipped scenario with five conventions of the cameras' axes.
 camera-axes: $(VENV)/.fly

@@ -1,0 +1,272 @@
+"""Anything that a bus or a port can bring, to cores in flight, by the functions that their daemons call."""
+
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from drone_agent.config import SimulatedDroneConfig
+from drone_agent.guard.config import GuardConfig
+from drone_agent.guard.core import GuardCore
+from drone_agent.guarded import GuardedDrone
+from formation import topics
+from formation.config import LabConfig
+from formation.messages import Datagram, Event, LabFrame, Phase, RawFrame, Severity, Tick
+from gcs.alarms import EventMemory
+from gcs.core import GcsCore
+from gcs.live.daemon import Live
+from gcs.page.model import Model
+from mocap.core import MocapCore
+from mocap.judge import RELEARN_FRAMES
+from tests.drone_agent.agent_harness import Harness, hover_at
+from tests.gcs.fakes import FakeLab, triangle
+from tools.fuzz.draw import LAB, RAW, REQUEST, TEXTS, Draw
+from wire.ground_state import decode, encode
+from wire.link_messages import DRONE_COMPONENT, GROUND, Address
+from wire.logs.mcap_write import LogWriter
+from wire.mavlink.codec import Codec
+from wire.schema import SchemaError
+from wire.text import parse_object
+from wire.transport.frame_check import lab_fault
+
+STEP_NS = 1_000_000
+SYSID = 2
+TARGET = Address(SYSID, DRONE_COMPONENT)
+STEP_EVERY, REFLY_EVERY, FLOWN_EVERY = 10, 2000, 100
+
+
+class Frames:
+    """Frames to the mocap process; what it and the bus let through is flown by ground, agent and bridge."""
+
+    def __init__(self, draw: Draw, counts: Counter[str]) -> None:
+        self._draw, self._counts, self._now_ns = draw, counts, 10**12
+        followers = [{"body": "left", "sysid": SYSID, "offset_m": (0.0, 1.0, 0.0)}]
+        lab = LabConfig.model_validate({"leader": {"body": "lead"}, "followers": followers})
+        self._bodies = tuple(v.body for v in lab.vehicles)
+        self._mocap, self._ground = MocapCore(lab), GcsCore(lab, self._now_ns)
+        agent = SimulatedDroneConfig(sysid=SYSID, body="left", pose="mocap")
+        self._agent, self._bridge = GuardedDrone(agent, self._now_ns), GuardCore(agent, self._now_ns)
+        self._state = published(flying_lab())
+
+    def feed(self) -> None:
+        draw = self._draw
+        self._now_ns += STEP_NS
+        if draw.random() < 0.1:
+            with suppress(ValueError):
+                self._mocap.note_motors(decode(draw.state(self._state)).motors_on)
+            return
+        n = draw.choice((0, 1, 2, 2, 2, 3, 12))
+        bodies = self._bodies if n == 2 and draw.random() < 0.7 else draw.choices(TEXTS, k=n)
+        is_raw = draw.random() < 0.6
+        frame = (draw.raw_frame if is_raw else draw.lab_frame)(bodies, self._now_ns)
+        data = draw.noise() if draw.random() < 0.1 else draw.spoiled((RAW if is_raw else LAB).encode(frame))
+        taken = self._read(data)
+        if taken is not None:
+            self._counts["taken"] += 1
+            if self._counts["taken"] % FLOWN_EVERY == 0:
+                self._counts["flown"] += 1
+                self._fly(taken)
+        self._mocap.events(self._now_ns)
+        self._mocap.reject_log.due(self._now_ns)
+
+    def probe(self) -> str:
+        """Empty where sound frames are taken at once, and soon believed, whatever came before them."""
+        self._now_ns += 25 * STEP_NS  # a stamp may be ahead by 20 ms: so long may it keep others out
+        for k in range(RELEARN_FRAMES + 1):
+            self._now_ns += STEP_NS
+            pos, q = np.full((2, 3), 1e-5 * (k % 7)), np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
+            sound = RawFrame(1, self._now_ns, self._bodies, pos, q, np.ones(2, np.bool_))
+            frame = self._read(RAW.encode(sound))
+            if frame is None:
+                return "a sound frame was not taken"
+            if frame.seen.all():
+                self._fly(frame)
+                return ""
+        return "sound frames were not believed"
+
+    def _read(self, data: bytes) -> LabFrame | None:
+        """As the mocap process and the bus would: the frame that everyone gets, None for one that is rejected."""
+        raw = decoded(RAW, data)
+        frame = decoded(LAB, data) if raw is None else self._mocap.receive(raw, self._now_ns)
+        if frame is None:
+            return None
+        fault = lab_fault(frame, self._now_ns)
+        assert raw is None or fault is None, fault
+        return frame if fault is None else None
+
+    def _fly(self, frame: LabFrame) -> None:
+        self._ground.receive(frame, self._now_ns)
+        self._ground.tick(self._now_ns)
+        self._ground.state(self._now_ns)
+        self._agent.receive(frame, self._now_ns)
+        self._agent.tick(self._now_ns)
+        self._bridge.receive_frame(frame, self._now_ns)
+        self._bridge.tick(self._now_ns)
+
+
+class Ground:
+    """Packets of drones, frames and requests to a ground whose formation flies."""
+
+    def __init__(self, draw: Draw, counts: Counter[str]) -> None:
+        self._draw, self._counts, self._lab = draw, counts, flying_lab()
+
+    def feed(self) -> None:
+        draw, lab = self._draw, self._lab
+        self._counts["messages"] += 1
+        kind = draw.random()
+        if kind < 0.6:
+            sysid = draw.choice((1, 2, 2, 3, 77))
+            sender = Address(draw.choice((sysid, 2)), draw.choice((1, 1, 191)))
+            lab.core.receive(Datagram(sysid, draw.packet(Codec(sender), GROUND)), lab.now_ns)
+        elif kind < 0.8:
+            for frame in near(draw, lab.frame(), lab.now_ns):
+                lab.core.receive(frame, lab.now_ns)
+        elif (request := decoded(REQUEST, draw.request())) is not None:
+            lab.core.receive(request, lab.now_ns)
+        if self._counts["messages"] % STEP_EVERY == 0:
+            lab.step()
+            lab.core.state(lab.now_ns)
+            del lab.ticks[:], lab.records[:], lab.replies[:]
+            for drone in lab.drones.values():
+                drone.heard.clear()
+                drone.setpoints.clear()
+        if self._counts["messages"] % REFLY_EVERY == 0 and lab.phase in (Phase.GROUND, Phase.STOPPED):
+            self._lab = flying_lab()
+            self._counts["flown again"] += 1
+
+
+class Agent:
+    """Packets of a ground, and frames, to a simulated drone in the air."""
+
+    def __init__(self, draw: Draw, counts: Counter[str]) -> None:
+        self._draw, self._counts, self._codec = draw, counts, Codec(GROUND)
+        agent = self._agent = Harness(sysid=SYSID, pose="mocap", body="left")
+        agent.run(3.0)
+        agent.run(1.2, hover_at(0.5))
+        agent.command(176, 1.0, 6.0)
+        agent.command(400, 1.0)
+        agent.run(3.0, hover_at(0.5))
+
+    def feed(self) -> None:
+        draw, agent = self._draw, self._agent
+        if draw.random() < 0.1:
+            truth = agent.truth
+            both = np.array([np.zeros(3), truth.pos_lab_m]), np.array([[1.0, 0, 0, 0], truth.q_lab_from_flu])
+            sound = LabFrame(1, agent.now_ns, ("stranger", "left"), *both, np.ones(2, bool), agent.now_ns)
+            for frame in near(draw, sound, agent.now_ns):
+                agent.core.receive(frame, agent.now_ns)  # type: ignore[arg-type]  # it has its guard
+        else:
+            agent.core.receive(Datagram(SYSID, draw.packet(self._codec, TARGET)), agent.now_ns)
+        agent.run_to(agent.now_ns + STEP_NS)
+        self._counts["answers"] += len(agent.heard)
+        del agent.heard[:], agent.events[:]
+
+
+class Bridge:
+    """Packets of ground and autopilot, and frames, to a bridge."""
+
+    def __init__(self, draw: Draw, counts: Counter[str]) -> None:
+        self._draw, self._counts, self._now_ns = draw, counts, 10**12
+        self._core = GuardCore(GuardConfig(sysid=SYSID, body="left"), self._now_ns)
+        self._ground, self._drone = Codec(GROUND), Codec(TARGET)
+
+    def feed(self) -> None:
+        draw, core = self._draw, self._core
+        self._now_ns += 1000
+        kind = draw.random()
+        if kind < 0.45:
+            core.receive_ground(Datagram(SYSID, draw.packet(self._ground, TARGET)), self._now_ns)
+        elif kind < 0.9:
+            core.receive_autopilot(draw.packet(self._drone, GROUND), self._now_ns)
+        else:
+            q = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
+            sound = LabFrame(1, self._now_ns, ("lead", "left"), np.zeros((2, 3)), q, np.ones(2, bool), self._now_ns)
+            for frame in near(draw, sound, self._now_ns):
+                core.receive_frame(frame, self._now_ns)
+        out = core.tick(self._now_ns)
+        self._counts["passed"] += len(out.to_autopilot) + len(out.to_ground)
+
+
+class Page:
+    """States of ground and mocap to the operator's page."""
+
+    def __init__(self, draw: Draw, counts: Counter[str]) -> None:
+        self._draw, self._counts, self._lab = draw, counts, flying_lab()
+        self._model, self._state = Model(self._lab.config), published(self._lab)
+
+    def feed(self) -> None:
+        text = self._draw.state(self._state)
+        try:
+            if self._draw.random() < 0.2:
+                self._model.receive_mocap_state(parse_object(text), self._lab.now_ns)
+            else:
+                self._model.receive_state(text, self._lab.now_ns)
+        except ValueError:  # what the page rejects, in words
+            self._counts["rejected"] += 1
+        self._model.show(self._lab.now_ns, 0.0)
+
+
+class LiveLog:
+    """Pieces of a log, as the ground shares it, to the live viewers' process."""
+
+    def __init__(self, draw: Draw, counts: Counter[str]) -> None:
+        self._draw, self._counts = draw, counts
+        viewer: Any = SimpleNamespace(begin=ignore, show=ignore, close=ignore)
+        self._live, self._pieces = Live([viewer], ignore), list[tuple[bytes, bytes]]()
+
+        def share(head: bytes, chunk: bytes) -> None:
+            self._pieces.append((head, chunk))
+
+        with TemporaryDirectory() as folder, LogWriter(Path(folder) / "a.mcap", {}, threaded=False, share=share) as log:
+            for k in range(500):
+                log.write(topics.TICK, Tick(k), k)
+                log.write(topics.EVENT, Event(Severity.INFO, "gcs", f"event {k}"), k)
+
+    def feed(self) -> None:
+        head, chunk = self._draw.choice(self._pieces[-8:])
+        if self._draw.random() < 0.2:
+            self._live.receive_head(self._draw.spoiled(head))
+        else:
+            self._live.receive_chunk(self._draw.spoiled(chunk))
+        self._counts["pieces"] += 1
+
+
+def ignore(*_: object) -> None:
+    """What a viewer would show."""
+
+
+def flying_lab() -> FakeLab:
+    """A ground in formation, its drones fake."""
+    lab = FakeLab(triangle())
+    lab.fly()
+    return lab
+
+
+def near(draw: Draw, sound: LabFrame, now_ns: int) -> Iterator[LabFrame]:
+    """A frame like a sound one, where the bus hands it over."""
+    frame = decoded(LAB, draw.spoiled(LAB.encode(draw.lab_frame(sound.bodies, now_ns, sound))))
+    if frame is not None and lab_fault(frame, now_ns) is None:
+        yield frame
+
+
+def published(lab: FakeLab) -> str:
+    """The state that the ground's process publishes."""
+    events = EventMemory()
+    for text in ("left: battery under 20 %", "over: left: battery under 20 %"):
+        events.note(Event(Severity.WARNING, "safety", text), 1_000_000)
+    state = lab.core.state(lab.now_ns)
+    return encode(replace(state, events=events.newest, alarms=events.alarms.open))
+
+
+def decoded(schema: Any, data: bytes) -> Any:
+    """What the bus would hand over; None of what it rejects."""
+    try:
+        return schema.decode(data)
+    except SchemaError:
+        return None

@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 SUPPLY := $(VENV)/supply
 ARGS ?=
 
-.PHONY: fly test nightly fuzz camera-axes mutants paper docs pictures lock audit wheel check lint setup format clean
+.PHONY: fly test nightly fuzz mutants paper docs pictures lock audit wheel check lint setup format clean
 
 fly: $(VENV)/.fly
 	$(BIN)/gcs-sim fly $(ARGS)
@@ -39,10 +39,6 @@ nightly: setup
 
 fuzz: $(VENV)/.fly
 	$(BIN)/python -m tools.fuzz $(ARGS)
-
-# Every shipped scenario with five conventions of the cameras' axes.
-camera-axes: $(VENV)/.fly
-	$(BIN)/python -m tools.camera_axes $(ARGS)
 
 # Small wrong changes of formation/, one at a time, which its unit tests must notice: a fixed list, then drawn ones.
 mutants: $(VENV)/.test

@@ -35,7 +35,8 @@ class Reason(Enum):
     STOP_BUTTON = "{}"
     # Drones that fly under no ground, and other grounds
     FLYING = "drones are flying under no ground: take control, land or stop"
-    ALOFT = "{}: {}"
+    ARMED_IN = "{}: armed, in {}"
+    IN_AIR = "{}: in the air, it says ({})"
     OTHER_GROUND = "another ground is alive ({}): end it first"
     NONE_ARMED = "no drone is armed: there is nothing to take control of"
     NO_POSE_TO_LEAD = "{}: no fresh pose to lead it from: land or stop"

@@ -5,6 +5,7 @@ ticks without a frame only watch, answer and repeat. The ground's heartbeat ride
 earned by the control, so that a drone hears it stop when control stops.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,6 @@ from formation.control.limits.target import SetpointHoldOff
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack, Stages
 from formation.guidance.plan import Plan
-from formation.maths.arrays import Scalars
 from formation.messages import (
     Cause,
     Datagram,
@@ -33,7 +33,8 @@ from formation.messages import (
     Verb,
     rejection_text,
 )
-from formation.own_law.law import LawGuard, unlimited
+from formation.own_law.flight import OwnLaws
+from formation.own_law.law import Answer, LawGuard, unlimited
 from formation.reasons import Reject
 from formation.safety import rules
 from formation.safety.phases import STREAMING, Trigger
@@ -50,13 +51,11 @@ from gcs.drones.protocols import COMMAND_RETRY_NS
 from gcs.drones.telemetry import NEVER_NS
 from gcs.facts import FactGatherer, Lateness, all_finite, measured_specific_forces
 from gcs.flight import Flight
-from gcs.operator import armed_text, done_text
-from gcs.own_law import own_laws
-from gcs.safety import monitors, takeover
-from gcs.safety.host import Host
-from gcs.safety.permissions import Permissions
+from gcs.permissions import Permissions, armed_text, done_text, landing_text
+from gcs.safety import SETPOINT_HOLD_OFF, STOP_REPEAT, Host, check_monitors
 from gcs.state import About, ground_state
 from wire.ground_state import Counters, GroundState, encode
+from wire.lab_surroundings import law_of, printing_to_stderr
 from wire.link_messages import ground_address
 from wire.rejections import RejectionLog
 
@@ -86,10 +85,10 @@ class GcsCore:
     ) -> None:  # fmt: skip
         """session: the ground session; a ground that is started again has another one.
 
-        without: those of gcs.safety.monitors.MONITORS that a campaign switches off; ValueError for other names.
+        without: those of gcs.safety.MONITORS that a campaign switches off; ValueError for other names.
         gains: instead of the lab's preset. law_guard: limits the computing time of the lab's own law.
         """
-        monitors.check(without)
+        check_monitors(without)
         self._config = config
         self._t0_ns, self._session = t0_ns, session
         self._without, self._gains = without, gains
@@ -98,11 +97,9 @@ class GcsCore:
         self._drones = tuple(Drone(i, self._link(config, i)) for i in config.commanded)
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
         self._packets = Packets(self._drones, self._feeds_pose, session, t0_ns)
-        for link in self._links.values() if monitors.STOP_REPEAT in without else ():
+        for link in self._links.values() if STOP_REPEAT in without else ():
             link.commands.urgent_retry_ns = COMMAND_RETRY_NS
-        self._hold_off = SetpointHoldOff(
-            config.commanded, len(config.vehicles), on=monitors.SETPOINT_HOLD_OFF not in without
-        )
+        self._hold_off = SetpointHoldOff(config.commanded, len(config.vehicles), on=SETPOINT_HOLD_OFF not in without)
         self._own = own_laws(config, law_guard)
         self._stack = self._fresh_stack()
         self._law_failures: list[LawFailure] = []
@@ -183,7 +180,7 @@ class GcsCore:
         frame, stack, plan = self._pop_frame(), self._stack, self._flight.plan()
         links = self._gatherer.gather_links(now_ns)
         self._gatherer.compare_attitudes(frame)
-        stages = None if frame is None else self._control(frame, plan, links.hover_thrust_norm, now_ns)
+        stages = None if frame is None else self._control(frame, plan, now_ns)
         facts = self._gatherer.gather(links, self._stages, self._lateness.share, now_ns)
         phase = self._flight.phase
         self._rule_state, verdict = rules.assess(
@@ -269,10 +266,11 @@ class GcsCore:
         requests, self._requests = self._requests, []
         return requests
 
-    def _control(self, frame: LabFrame, plan: Plan, hover_thrust_norm: Scalars, now_ns: int) -> Stages:
+    def _control(self, frame: LabFrame, plan: Plan, now_ns: int) -> Stages:
         flies = np.array([drone.lifted and not drone.touched for drone in self._drones])
         force_meas, bias = measured_specific_forces(self._drones, frame), self._gatherer.level_bias_rad()
-        stages = self._stack.step(now_ns, frame, plan, hover_thrust_norm, force_meas, bias, flies)
+        hover_norm = self._gatherer.hover_thrusts_norm()
+        stages = self._stack.step(now_ns, frame, plan, hover_norm, force_meas, bias, flies)
         self._law_failures = self._stack.law_failures()
         self._flight.events += [
             Event(Severity.ERROR, "control", failure.text, code=EventCode.LAW_FAILED, subject=failure.body)
@@ -320,7 +318,7 @@ class GcsCore:
             self._flight.events.append(ACKNOWLEDGED)
             return None
         is_takeover = verb is Verb.TAKE_CONTROL and self.phase is Phase.GROUND
-        down = takeover.landing_text(self._drones) if is_takeover else ""
+        down = landing_text(self._drones) if is_takeover else ""
         if down:
             return self._flight.pull(Trigger.LAND, Cause.LANDS_ITSELF, down, now_ns)
         reject_reason = self._flight.pull(Trigger(verb.value), Cause.OPERATOR, f"operator: {verb}", now_ns)
@@ -372,3 +370,13 @@ class GcsCore:
                 for name, text in warnings(link, self._feeds_pose)
             ]
         return events
+
+
+def own_laws(config: LabConfig, guard: LawGuard = unlimited) -> OwnLaws | None:
+    """The laws that the lab's followers fly by in formation; None where it is ours. ValueError: not installed here."""
+    law = config.control_law
+
+    def guarded(now_ns: int, call: Callable[[], Answer]) -> Answer:
+        return printing_to_stderr(lambda: guard(now_ns, call))
+
+    return None if law is None else OwnLaws(law_of(law.name, law.options), law.name, config, guarded)

@@ -12,8 +12,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import zenoh
+
 from formation import topics
-from formation.config import LabConfig, LinkConfig
+from formation.config import LabConfig, LinkConfig, VehicleBody
 from formation.messages import (
     Datagram,
     Event,
@@ -29,21 +31,19 @@ from formation.messages import (
 )
 from formation.requests import ENDPOINT, GCS_NAME
 from gcs.alarms import EventMemory
-from gcs.awaited import awaited_by_ground
 from gcs.core import GcsCore
 from gcs.doctor.restart_record import watch_record
 from gcs.drones.autopilot_poses import AutopilotPoses
 from gcs.drones.links import GroundLinks, open_links
-from gcs.other_grounds import know_other_grounds
 from gcs.recording import Input, Recorder, run_metadata
 from gcs.security.roles import by_role
-from gcs.stop_button.watch import watch_button
+from gcs.stop_button import watch_button
 from mocap.service import ServiceError, mocap_service
 from wire.clock import REAL_TIME, Clock, unix_us
 from wire.ground_state import Cycles, LogFile, encode
 from wire.logs.live import sharer
 from wire.logs.mcap_write import LogWriter, record_dates
-from wire.process.daemon import report_missing
+from wire.process.daemon import Awaited, bus_at, report_missing
 from wire.process.deadline import Deadline
 from wire.process.output import lost_lines
 from wire.process.system import machine
@@ -423,3 +423,39 @@ def _first_failure(group: BaseExceptionGroup[BaseException]) -> BaseException:
     if isinstance(error, GroundFailure | OSError | ServiceError):
         return error
     return GroundFailure(f"{type(error).__name__}: {error}")
+
+
+def awaited_by_ground(config: LabConfig, bus: ZenohBus, ground: Ground) -> list[Awaited]:
+    """The bus where another listens, frames, and each drone."""
+    awaited = []
+    if not bus.listens:
+        remedy = "nobody is there: start the router, or leave link.zenoh_connect out, and the ground listens itself"
+        awaited.append(bus_at(config.link.zenoh_connect, lambda: bus.is_joined, remedy))
+    if config.mocap.source != "mavlink":
+        remedy = "none has come: `gcs mocap discover` finds camera systems, `gcs doctor` says what is amiss"
+        awaited.append(Awaited(f"frames of mocap source {config.mocap.source!r}", lambda: ground.has_frame, remedy))
+    return awaited + [_awaited_drone(config.vehicles[i], ground) for i in config.commanded]
+
+
+def _awaited_drone(vehicle: VehicleBody, ground: Ground) -> Awaited:
+    sysid = vehicle.sysid or 0
+    where = f"at its link {vehicle.link}" if vehicle.link else f"as system {sysid}"
+    remedy = f"nothing is heard {where}: is it on, and its bridge (`drone-agent --sysid {sysid} --bridge ...`)?"
+    return Awaited(f"drone {vehicle.body}", lambda: sysid in ground.received_sysids, remedy)
+
+
+def know_other_grounds(bus: ZenohBus, name: str, session: int, ground: Ground) -> None:
+    """Be known on the lab's bus as a ground that is alive, and know of the others."""
+    own = f"{name}/{session}-{os.getpid()}"
+    alive: set[str] = set()
+
+    def on_token(sample: zenoh.Sample) -> None:
+        other = str(sample.key_expr).removeprefix(f"{bus.lab}/ground/")
+        if sample.kind == zenoh.SampleKind.DELETE:
+            alive.discard(other)
+        elif other != own:
+            alive.add(other)
+        ground.other_grounds = tuple(sorted(alive))
+
+    bus.declare_token(f"ground/{own}")
+    bus.watch_tokens("ground/**", on_token)

@@ -54,12 +54,11 @@ class Lateness:
 
 
 class LinkFacts(NamedTuple):
-    """What the links say: hover thrust of each commanded vehicle (m), the rest as in `Facts` (n)."""
+    """What the links say, as in `Facts` (n)."""
 
-    hover_thrust_norm: Scalars
     heartbeat_age_s: Scalars
     silent_s: Scalars
-    behind_s: Scalars
+    link_behind_s: Scalars
     setpoint_age_s: Scalars
     own_tilt_rad: Scalars
     battery: Scalars
@@ -101,6 +100,10 @@ class FactGatherer:
         """Of each commanded vehicle's autopilot (m, 2); 0 where it is not known: `correct_level` takes it out."""
         return self._attitudes.level_bias_rad(self._own)
 
+    def hover_thrusts_norm(self) -> Scalars:
+        """The thrust that hovers each commanded vehicle (m)."""
+        return np.array([drone.link.hover_thrust_norm for drone in self._drones])
+
     def gather_links(self, now_ns: int) -> LinkFacts:
         """What the links say now."""
         n = len(self._names)
@@ -113,12 +116,11 @@ class FactGatherer:
             if not self._own_mocap:  # what comes by the same link as the poses confirms nothing
                 own_tilt[i], own_pos[i] = link.own_estimate.at(now_ns)
             reported[i] = (link.armed, link.offboard or drone.joining(now_ns), link.sequence.duplicate(now_ns))
-        hover = np.array([drone.link.hover_thrust_norm for drone in self._drones])
         own_tilts, batteries = np.array([own_tilt, battery])
         heartbeats, silences, behind, ages = np.ascontiguousarray(np.array(ages_s).T)
         arms, streams, twins = np.ascontiguousarray(np.array(reported).T)
         return LinkFacts(
-            hover, heartbeats, silences, behind, ages, own_tilts, batteries, np.array(own_pos), arms, streams, twins
+            heartbeats, silences, behind, ages, own_tilts, batteries, np.array(own_pos), arms, streams, twins
         )
 
     def gather(
@@ -135,21 +137,12 @@ class FactGatherer:
             age_s=age,
             error_m=measured[2],
             model_mismatch=model_mismatch,
-            own_pos_lab_m=links.own_pos_lab_m,
-            own_tilt_rad=links.own_tilt_rad,
             attitude_innovation_rad=self._attitudes.innovation_rad,
-            heartbeat_age_s=links.heartbeat_age_s,
-            silent_s=links.silent_s,
-            link_behind_s=links.behind_s,
-            setpoint_age_s=links.setpoint_age_s,
-            armed=links.armed,
-            offboard=links.offboard,
-            battery=links.battery,
-            duplicate=links.duplicate,
             late_share=late_share,
             prearm_failures=tuple(reason for d in self._drones for reason in prearm_failures(d.link))
             if asked_to_arm
             else (),
+            **links._asdict(),
         )
 
     def _seen(self, stages: Stages | None, now_ns: int) -> tuple[Vec3s, Scalars, Scalars, Float]:

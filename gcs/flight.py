@@ -26,10 +26,8 @@ from gcs.drones.drone import (
     land_setpoint,
     take_off_setpoint,
 )
-from gcs.landing import landing_spots
-from gcs.safety.alarms import OpenAlarms
-from gcs.safety.descent import FIRST_FRAME_NS, Descent, descent, landed_text, late_text
-from gcs.safety.takeover import coming_down
+from gcs.landing import FIRST_FRAME_NS, Descent, descent, landed_text, landing_spots, late_text
+from gcs.safety import OpenAlarms
 
 ARMING_NS = 12_000_000_000
 SETTLE_NS = 1_000_000_000
@@ -280,7 +278,7 @@ class Flight:
     def _watch_joining(self, now_ns: int) -> None:
         """A drone that began to land while it was being taken over is not led up again."""
         for drone in self._drones:
-            if drone.goal is Goal.JOIN and coming_down(drone):
+            if drone.goal is Goal.JOIN and drone.is_coming_down:
                 self.pull(Trigger.LAND, Cause.LANDS_ITSELF, f"{drone.link.name} has begun to land meanwhile", now_ns)
                 return
 

@@ -17,7 +17,7 @@ from formation.safety.arming import FRESH_S
 from formation.safety.rules import Facts
 from gcs.drones.drone import Drone
 from gcs.flight import Flight
-from gcs.safety.host import Host
+from gcs.safety import Host
 from wire.ground_state import Counters, DroneState, GroundState, ObservedBody
 
 FLOOR = 2

@@ -12,8 +12,7 @@ from formation.maths import frames
 from formation.messages import AttitudeTarget, LabFrame
 from formation.paper.eq2_relative_frame import lead_from_lab
 from formation.safety.attitude_innovation import AttitudeMonitor
-from gcs.core import GcsCore
-from gcs.own_law import own_laws
+from gcs.core import GcsCore, own_laws
 from wire.link_messages import DRONE_COMPONENT, GROUND, Address
 from wire.mavlink.batches import PoseBatch, SetpointBatch
 from wire.process.deadline import Deadline

@@ -1,7 +1,7 @@
 """Every monitor by name, and which core it belongs to: what a campaign can switch off to see that it is needed."""
 
 from drone_agent.guard.stages import MONITORS as AGENT_MONITORS
-from gcs.safety.monitors import MONITORS as GROUND_MONITORS
+from gcs.safety import MONITORS as GROUND_MONITORS
 from mocap.validator import NAMES as VALIDATOR_CHECKS
 
 NAMES = (*VALIDATOR_CHECKS, *AGENT_MONITORS, *GROUND_MONITORS)

@@ -143,7 +143,7 @@ def watch(
 
     For people alone; a script reads `gcs status --json`.
     """
-    from gcs.watch.terminal import watch as watch_ground
+    from gcs.watch import watch as watch_ground
 
     watch_ground(lab, name, identity, insecure)
 
@@ -151,7 +151,7 @@ def watch(
 @app.command()
 def buttons(as_json: Json = False) -> None:
     """Print each press of a key or button with its input device: the value that `[operator] stop_button` needs."""
-    from gcs.stop_button.find import print_presses
+    from gcs.stop_button import print_presses
 
     print_presses(as_json)
 

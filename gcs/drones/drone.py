@@ -123,6 +123,12 @@ class Drone:
         """Whether it has reported its motors off since it was commanded to land, to disarm or to stop."""
         return self.goal in (Goal.DISARM, Goal.LAND, Goal.CUT) and self.reached
 
+    @property
+    def is_coming_down(self) -> bool:
+        """Whether it has landed, or its autopilot lands it; a landing is not interrupted."""
+        link = self.link
+        return not link.armed or link.landing or link.telemetry.landed is LandedState.ON_GROUND
+
     def is_lost(self, now_ns: int) -> bool:
         """Whether it fell silent before it reported that its motors are off, and is sent no setpoints any more."""
         silent_ns = now_ns - max(self.link.received_ns, self.goal_since_ns)

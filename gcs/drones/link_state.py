@@ -8,10 +8,18 @@ from formation.maths.arrays import Quat
 from formation.messages import Event, Severity
 from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
-from gcs.drones.armed_clock import ArmedClock
 from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
 from gcs.drones.protocols import BootParameters, CommandChannel, ParameterReader, stream
-from gcs.drones.telemetry import NEVER_NS, PILOTED, READS, READS_IF_ASKED, OwnEstimate, SequenceMonitor, Telemetry
+from gcs.drones.telemetry import (
+    NEVER_NS,
+    PILOTED,
+    READS,
+    READS_IF_ASKED,
+    ArmedClock,
+    OwnEstimate,
+    SequenceMonitor,
+    Telemetry,
+)
 from wire.autopilots.table import FlightMode
 from wire.clock_offset import TimeSyncClient, rate_offset_text
 from wire.link_messages import (

@@ -8,8 +8,7 @@ from rich.console import Console
 
 from formation.config import LabConfig
 from gcs.finding import STYLES, Finding, Grade
-from gcs.lab.exposed import SECURITY
-from gcs.lab.judge import judge
+from gcs.lab.judge import SECURITY, judge
 from wire.config_file import Lines, lines_of
 from wire.process.program import configuration, fail
 from wire.process.system import NOT_RIGHT

@@ -34,8 +34,7 @@ def live(
     """
     import asyncio  # here, as below: what an operator's command loads waits for none of it
 
-    from gcs.live.daemon import run
-    from gcs.live.viewers import Foxglove, Rerun, Viewer, ViewerError
+    from gcs.live.daemon import Foxglove, Rerun, Viewer, ViewerError, run
     from wire.security.protection import lab_protection
 
     if not (foxglove or rerun or save):

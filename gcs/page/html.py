@@ -7,8 +7,7 @@ from html import escape
 from formation.messages import Severity, Verb
 from formation.safety.phases import Trigger, allowed_from
 from formation.security_config import MAY_ASK, Role
-from gcs.page.show import LABELS, Show, Step, not_landed_text
-from gcs.page.table import ABOUT, COLUMNS, UNITS, Cell, Level, worst
+from gcs.page.show import ABOUT, COLUMNS, LABELS, UNITS, Cell, Level, Show, Step, not_landed_text, worst
 from wire.ground_state import Alarm
 
 _MARK = {Level.CALM: "", Level.WARN: "▲ ", Level.BAD: "✖ "}

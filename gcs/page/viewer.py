@@ -14,9 +14,9 @@ from formation.guidance.shape import known
 from formation.guidance.shape_request import ShapeRequest
 from formation.messages import OperatorReply, Phase, Verb
 from formation.security_config import MAY_ASK, Role
+from gcs.alarms import severities
 from gcs.page import drawing, html
-from gcs.page.alarms import severities
-from gcs.page.camera import Stand, above, perspective
+from gcs.page.drawing import Stand, above, perspective
 from gcs.page.foresee import Foreseen
 from gcs.page.model import Model
 from gcs.page.show import LABELS, VERBS, Show

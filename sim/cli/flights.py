@@ -23,9 +23,8 @@ from formation.model import QuatTuple
 from formation.requests import GCS_NAME
 from formation.security_config import SecurityConfig
 from gcs.finding import Grade
-from gcs.lab.exposed import SECURITY
 from gcs.lab.findings import line
-from gcs.lab.judge import judge
+from gcs.lab.judge import SECURITY, judge
 from mocap.sources.csv_file import MocapFileError
 from sim import lockstep
 from sim.cameras import daemon as mocap_daemon

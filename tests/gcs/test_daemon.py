@@ -15,8 +15,7 @@ from formation import topics
 from formation.config import LabConfig
 from formation.messages import Event, LabFrame, Phase
 from gcs.core import BrokenInvariantError, GcsCore, Outgoing
-from gcs.daemon import Ended, Ground, GroundFailure, Timing, run
-from gcs.other_grounds import know_other_grounds
+from gcs.daemon import Ended, Ground, GroundFailure, Timing, know_other_grounds, run
 from gcs.replay import replay
 from tests.free_ports import free_port
 from tests.gcs.bus import a_lab, hub_of

@@ -6,8 +6,7 @@ import struct
 from pathlib import Path
 
 from formation.config import StopButton
-from gcs.stop_button.events import Buttons
-from gcs.stop_button.watch import watch_button
+from gcs.stop_button import Buttons, watch_button
 
 KEY_SPACE, KEY_ENTER, EV_SYN, EV_KEY, EV_ABS = 57, 28, 0, 1, 3
 

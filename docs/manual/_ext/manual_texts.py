@@ -129,7 +129,6 @@ def _name_of(function: ast.expr) -> str:
 REASON_FILES = (
     "formation/safety/arming.py",
     "gcs/drones/checks.py",
-    "gcs/safety/takeover.py",
 )
 """Modules that make parts of the reasons' texts."""
 

@@ -7,7 +7,7 @@ import pytest
 
 from formation.messages import Cause, EventCode, Phase, Verb
 from gcs.core import GcsCore
-from gcs.safety.monitors import MONITORS
+from gcs.safety import MONITORS
 from tests.gcs.fakes import MS, FakeLab, commands, flying, triangle
 from wire.link_messages import CommandLong, NamedValue, Result
 

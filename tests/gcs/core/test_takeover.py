@@ -37,7 +37,7 @@ def restarted(after_s: float = 0.5, autopilots=None, heard_s: float = 3.5) -> Fa
 def test_a_restarted_ground_asked_to_arm_drops_nobody():
     lab = restarted()
     text, found = refusal(lab, Verb.ARM), reasons(lab, Verb.ARM)
-    assert found[:4] == [Reason.FLYING, *[Reason.ALOFT] * 3]
+    assert found[:4] == [Reason.FLYING, *[Reason.ARMED_IN] * 3]
     assert text.split("; ")[1:4] == [f"{name}: armed, in OFFBOARD" for name in ("lead", "left", "right")]
     lab.run(3.0)
     assert all(not drone.setpoints for drone in lab.drones.values())

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from formation.messages import Cause, EventCode, Phase, Severity, Verb
-from gcs.drones.armed_clock import ArmedClock
+from gcs.drones.telemetry import ArmedClock
 from tests.gcs.fakes import FakeLab, triangle
 from wire.link_messages import MavAutopilot
 

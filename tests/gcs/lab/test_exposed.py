@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from formation.config import LabConfig, LinkConfig
 from formation.exposure import is_local_endpoint
-from gcs.lab.exposed import SECURITY
-from gcs.lab.judge import judge
+from gcs.lab.judge import SECURITY, judge
 from wire.rejections import RejectionLog
 from wire.security.bus_access import BusAccess, ExposedError
 from wire.security.protection import LOOPBACK_ONLY, Protection

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 from formation.messages import Event, Phase, Severity, Verb
-from gcs.alarms import ACKNOWLEDGED, EventMemory
+from gcs.alarms import ACKNOWLEDGED, EventMemory, ShownAlarms
 from gcs.page import drawing, html
-from gcs.page.alarms import ShownAlarms
-from gcs.page.camera import Stand, above, perspective
-from gcs.page.control import Control
+from gcs.page.drawing import Stand, above, perspective
 from gcs.page.foresee import shape, start
-from gcs.page.model import Model
+from gcs.page.model import Control, Model
 from gcs.page.scene import Trails, scene
-from gcs.page.show import Step, countdowns, show, stop_text
-from gcs.page.table import COLUMNS, UNITS, Cell, Level, row
+from gcs.page.show import COLUMNS, UNITS, Cell, Level, Step, countdowns, row, show, stop_text
 from tests.gcs.fakes import FakeLab, flying, refusal, triangle
 from wire.ground_state import GroundState, PublishedEvent, encode
 

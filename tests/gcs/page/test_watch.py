@@ -8,10 +8,8 @@ import typer
 from rich.console import Console
 
 from formation.messages import Phase, Severity, Verb
-from gcs.page.show import NOTHING_YET, Show, Step, cause
-from gcs.page.table import Cell, Level
-from gcs.watch.picture import picture
-from gcs.watch.terminal import watch
+from gcs.page.show import NOTHING_YET, Cell, Level, Show, Step, cause
+from gcs.watch import picture, watch
 from tests.gcs.fakes import FakeLab, triangle
 from wire.ground_state import Alarm
 from wire.process.system import NOT_RIGHT

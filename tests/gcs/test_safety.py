@@ -6,7 +6,7 @@ from formation.messages import Rejection, Severity
 from formation.safety.rules import FaultChange
 from formation.safety.rules_table import RULES
 from gcs.drones.link_state import DroneLink
-from gcs.safety.causes import with_cause
+from gcs.safety import with_cause
 from tests.gcs.link import MS, Drone, a_link, beat
 from wire.link_messages import BRIDGE_COMPONENT, StatusText
 

@@ -1,1 +1,0 @@
-"""Beside the rules: what the ground permits, drones that fly under no ground, how a landing ends, what is watched."""

@@ -1,1 +1,0 @@
-"""`gcs watch`: the page's table in a terminal."""

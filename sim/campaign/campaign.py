@@ -7,8 +7,8 @@ from itertools import groupby
 from typing import Protocol, TypeVar
 
 from sim.campaign.draw import GROUP, Draw, run_of
-from sim.campaign.group import Flown, Job, Run, fly_job
-from sim.campaign.oracle import Margin
+from sim.campaign.group import RAISED, Flown, Job, Run, fly_job
+from sim.campaign.oracle import Margin, Violation
 from sim.campaign.shrink import Shrunk, shrink
 from sim.faults.fault import Fault
 
@@ -31,9 +31,14 @@ class Failure:
 
     draw: Draw
     number: int
-    reason: str
+    violation: Violation
     faults: tuple[Fault, ...]
     shrunk: Shrunk | None = None
+
+    @property
+    def reason(self) -> str:
+        """What it violated first, in words."""
+        return f"{self.violation.kind}: {self.violation.text}"
 
     @property
     def again(self) -> str:
@@ -125,15 +130,14 @@ def summarise(draw: Draw, flown: Sequence[Flown], workers: Workers | None = None
 
 def shrunk(failure: Failure) -> Failure:
     """The failure with the least that does it; as it is where its flight cannot even be flown to its end."""
-    if failure.reason.startswith("raised"):
+    if failure.violation.kind == RAISED:
         return failure
     scenario = run_of(failure.draw, failure.number)
     return replace(failure, shrunk=shrink(scenario))
 
 
 def _failure(draw: Draw, run: Run) -> Failure:
-    first = run.verdict.violations[0]
-    return Failure(draw, run.number, f"{first.kind}: {first.text}", run.faults)
+    return Failure(draw, run.number, run.verdict.violations[0], run.faults)
 
 
 def _nearest(draw: Draw, runs: Sequence[Run]) -> tuple[Near, ...]:

@@ -18,6 +18,8 @@ from sim.faults.fault import Fault
 from sim.lockstep import uncollected
 from sim.scenario import Scenario
 
+RAISED = "raised"
+"""The kind of violation of a flight that ended by an error of ours."""
 FORK_AHEAD_NS = 30_000_000
 """More than from one exposure of the cameras to the next."""
 
@@ -88,7 +90,7 @@ def _fork_along(scenario: Scenario, faults: dict[int, tuple[Fault, ...]]) -> lis
 
             run = _forked(fly_on)
             if isinstance(run, str):
-                raised = Violation("raised", flight.t_s, run)
+                raised = Violation(RAISED, flight.t_s, run)
                 run = Run(number, these, Verdict((raised,), flight.t_s, None, 0.0), flight.t_s)
             flown.append((run, run.duration_s - flight.t_s))
         over = over or (bool(remaining) and flight.advance())

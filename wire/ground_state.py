@@ -203,7 +203,8 @@ class GroundState:
 
 def encode(state: GroundState) -> str:
     """Encode a state: the keys are the fields' names, an IntEnum is its member's name."""
-    return json.dumps(state, default=_as_object)
+    older = {"refusals": state.prearm_failures}  # its name before 0.3; until 0.4
+    return json.dumps(_as_object(state) | older, default=_as_object)
 
 
 def decode(text: str) -> GroundState:

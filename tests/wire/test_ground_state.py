@@ -27,6 +27,7 @@ def test_the_json_has_names_for_codes_and_null_for_what_is_unknown(state: Ground
     assert (values["version"], values["phase"], values["events"][0]["severity"]) == (VERSION, "FORMATION", "NOTICE")
     assert values["drones"][0]["body"] == "lead"
     assert values["drones"][0]["battery"] is None
+    assert values["refusals"] == values["prearm_failures"]  # its name before 0.3
     assert set(values["allowed"]) >= {"arm", "land", "stop", "trajectory"}
 
 

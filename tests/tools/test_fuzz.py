@@ -3,7 +3,7 @@
 import pytest
 
 from tools.fuzz.__main__ import TARGETS, fuzz
-from tools.fuzz.links import MTU, crafted
+from tools.fuzz.draw import MTU, crafted
 from wire.link_messages import GROUND
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import FRAMES_MOST

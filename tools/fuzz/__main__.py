@@ -16,7 +16,7 @@ from math import inf
 from types import MappingProxyType
 from typing import Protocol
 
-from tools.fuzz import cameras, flight, links
+from tools.fuzz import cameras, flight
 from tools.fuzz.draw import Draw
 
 STALLED_S = 0.25
@@ -42,11 +42,11 @@ class Row:
 
 TARGETS: Mapping[str, Row] = MappingProxyType(
     {
-        "links": Row(links.Links),
         "frames": Row(flight.Frames),
         "ground": Row(flight.Ground),
         "agent": Row(flight.Agent),
-        "bridge": Row(flight.Bridge),
+        "bridge": Row(partial(flight.Bridge, serial=False)),
+        "serial-bridge": Row(partial(flight.Bridge, serial=True)),
         "page": Row(flight.Page),
         "live": Row(flight.LiveLog),
         "natnet": Row(cameras.NatNetCamera, STALLED_S, probe_every=1024),

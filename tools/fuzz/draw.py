@@ -26,7 +26,34 @@ LATE_MS = (0, 1, 5, 8, 900, 2000, -1, -3, -15, -(10**9))
 CALM = (Verb.HOLD, Verb.START, Verb.SHAPE, Verb.TRAJECTORY, Verb.STATUS, Verb.ARM, Verb.TAKEOFF, Verb.TAKE_CONTROL)
 REQUESTED = ("", "line", "circle:0.5", "grid:1e308", "line:nan", "x" * 900, "\x1b[2J", "configured")
 NO_STATES = ("[" * 5000, '{"a":' * 5000, "NaN", "", "{}", "[]", '{"drones": 1}', "9" * 5000, '"\\ud800"')
+MTU = 1500
+CRAFTED = (
+    b"\xfe", b"\xfd", b"\xfe\xfd", b"\xfe\x00", b"\xfe\xff", b"\xfd\x00", b"\xfd\x00\x01", b"\xfd\xff\x02", b"\0",
+    b"\xfd\x10\x00\xfe\x05\x00", b"\xfe\x00\x00\x03\x01\x00\xaa\xaa", b"\xfd\x01\x00\x00\x00\x03\x01\x00\x00\x00\x00",
+    sealed(b"\xfe\x00\x00\x03\x01\x00", CRC_EXTRA[0]), sealed(b"\xfe\x02\x00\x03\x01\xfd\x04a", CRC_EXTRA[253]),
+    b"\xfe\x00\x00\x07\x01\xf0\x00\x00",
+)  # fmt: skip
+"""What made parsers slow."""
+READ = (0, 4, 11, 20, 21, 22, 23, 30, 31, 32, 33, 43, 51, 64, 65, 66, 75, 76, 77, 82, 84, 102, 108, 110, 111, 115, 117,
+        120, 132, 138, 147, 193, 230, 241, 245, 251, 252, 253, 331)  # fmt: skip
 RAW, LAB, REQUEST = schema_of(RawFrame), schema_of(LabFrame), schema_of(OperatorRequest)
+
+
+def framed(number: int, payload: bytes, sender: Address, is_old: bool = False) -> bytes:
+    """A packet of MAVLink 2, or of 1."""
+    head = (0, sender.system, sender.component)
+    if is_old and number < 256:
+        body = struct.pack("<BBBBBB", 0xFE, len(payload), *head, number)
+    else:
+        body = struct.pack("<BBBBBBBHB", 0xFD, len(payload), 0, 0, *head, number & 0xFFFF, number >> 16)
+    return sealed(body + payload, CRC_EXTRA[number])
+
+
+def crafted() -> set[bytes]:
+    """The full datagrams of each padding and of each message that is read, as many of it as fit."""
+    payloads = (b"\0", b"\x01" * 40, struct.pack("<f", 1.0) * 63)
+    frames = (framed(number, payload, Address(3, 1)) for number in READ for payload in payloads)
+    return {(piece * MTU)[:MTU] for piece in CRAFTED} | {frame * (MTU // len(frame)) for frame in frames}
 
 
 class Draw(Random):
@@ -102,22 +129,21 @@ class Draw(Random):
             return self.choice((True, False)) if kind is bool else self.number()
         return self.quaternions(1)[0] if name.startswith("q_") else self.rows(1, 3)[0]
 
-    def frame(self, number: int, sysid: int, payload: bytes) -> bytes:
-        """A MAVLink packet with its checksum, of any id, of that system most of the time."""
-        system = sysid if self.random() < 0.7 else self.randrange(256)
-        head = (self.randrange(256), system, self.choice((1, 1, 190, 191, self.randrange(256))))
-        if number < 256 and self.random() < 0.3:
-            body = struct.pack("<BBBBBB", 0xFE, len(payload), *head, number)
-        else:
-            body = struct.pack("<BBBBBBBHB", 0xFD, len(payload), 0, 0, *head, number & 0xFFFF, number >> 16)
-        return sealed(body, CRC_EXTRA.get(number, 0))
+    def datagram(self, codec: Codec, target: Address) -> bytes:
+        """What may come at a port of that address: mostly messages, else frames with any payload, or any bytes."""
+        if self.random() < 0.6:
+            return self.packet(codec, target)
+        frames = b"".join(self._frame(codec.own) for _ in range(self.choice((1, 1, 2, 12))))
+        crafted = (self.choice(CRAFTED) * MTU)[: self.choice((3, 280, MTU))]
+        return self.choice((frames, self.spoiled(frames, 1.0), frames + crafted, crafted + frames, self.noise()))
 
-    def payload(self) -> bytes:
+    def _frame(self, sender: Address) -> bytes:
+        """A MAVLink packet with its checksum, of any id and payload."""
+        number = self.choice(READ if self.random() < 0.8 else tuple(CRC_EXTRA))
         size = self.choice((0, 1, 4, 20, 40, 60, 120, 255))
-        if self.random() < 0.5:
-            return self.randbytes(size)
         words = (struct.pack("<f", self.choice(FLOATS[:10])), struct.pack("<Q", self.choice(WHOLES) % 2**64)[:4])
-        return b"".join(self.choice(words) for _ in range(size // 4 + 1))[:size]
+        extreme = b"".join(self.choice(words) for _ in range(size // 4 + 1))[:size]
+        return framed(number, self.choice((extreme, self.randbytes(size))), sender, self.random() < 0.3)
 
     def raw_frame(self, bodies: Sequence[str], now_ns: int) -> RawFrame:
         """A camera system's, of bodies that have any number of rows."""

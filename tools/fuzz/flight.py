@@ -28,9 +28,10 @@ from tests.drone_agent.agent_harness import Harness, hover_at
 from tests.gcs.fakes import FakeLab, triangle
 from tools.fuzz.draw import LAB, RAW, REQUEST, TEXTS, Draw
 from wire.ground_state import decode, encode
-from wire.link_messages import DRONE_COMPONENT, GROUND, Address
+from wire.link_messages import DRONE_COMPONENT, GROUND, Address, CommandAck, CommandLong, Heartbeat, MavAutopilot
 from wire.logs.mcap_write import LogWriter
 from wire.mavlink.codec import Codec
+from wire.mavlink.framing import FrameCutter
 from wire.schema import SchemaError
 from wire.text import parse_object
 from wire.transport.frame_check import lab_fault
@@ -38,6 +39,8 @@ from wire.transport.frame_check import lab_fault
 STEP_NS = 1_000_000
 SYSID = 2
 TARGET = Address(SYSID, DRONE_COMPONENT)
+BEAT = Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
+ASK_VERSION = CommandLong(TARGET, 512, (148.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
 STEP_EVERY, REFLY_EVERY, FLOWN_EVERY = 10, 2000, 100
 
 
@@ -123,7 +126,7 @@ class Ground:
         if kind < 0.6:
             sysid = draw.choice((1, 2, 2, 3, 77))
             sender = Address(draw.choice((sysid, 2)), draw.choice((1, 1, 191)))
-            lab.core.receive(Datagram(sysid, draw.packet(Codec(sender), GROUND)), lab.now_ns)
+            lab.core.receive(Datagram(sysid, draw.datagram(Codec(sender), GROUND)), lab.now_ns)
         elif kind < 0.8:
             for frame in near(draw, lab.frame(), lab.now_ns):
                 lab.core.receive(frame, lab.now_ns)
@@ -138,7 +141,13 @@ class Ground:
                 drone.setpoints.clear()
         if self._counts["messages"] % REFLY_EVERY == 0 and lab.phase in (Phase.GROUND, Phase.STOPPED):
             self._lab = flying_lab()
-            self._counts["flown again"] += 1
+
+    def probe(self) -> str:
+        """Empty where a heartbeat of the drone is taken."""
+        lab = self._lab
+        lab.core.receive(Datagram(SYSID, Codec(TARGET).encode(BEAT)), lab.now_ns)
+        (drone,) = (drone for drone in lab.core.state(lab.now_ns).drones if drone.sysid == SYSID)
+        return "" if drone.heartbeat_age_s == 0.0 else "the ground does not hear the drone"
 
 
 class Agent:
@@ -162,18 +171,25 @@ class Agent:
             for frame in near(draw, sound, agent.now_ns):
                 agent.core.receive(frame, agent.now_ns)  # type: ignore[arg-type]  # it has its guard
         else:
-            agent.core.receive(Datagram(SYSID, draw.packet(self._codec, TARGET)), agent.now_ns)
+            agent.core.receive(Datagram(SYSID, draw.datagram(self._codec, TARGET)), agent.now_ns)
         agent.run_to(agent.now_ns + STEP_NS)
         self._counts["answers"] += len(agent.heard)
         del agent.heard[:], agent.events[:]
 
+    def probe(self) -> str:
+        """Empty where a command of the ground is answered."""
+        self._agent.send(ASK_VERSION)
+        answers = [m for _, m in self._agent.heard if isinstance(m, CommandAck) and m.command == ASK_VERSION.command]
+        return "" if answers else "the drone does not hear the ground"
+
 
 class Bridge:
-    """Packets of ground and autopilot, and frames, to a bridge."""
+    """Packets of ground and autopilot, and frames, to a bridge, whose autopilot is behind UDP or a serial line."""
 
-    def __init__(self, draw: Draw, counts: Counter[str]) -> None:
+    def __init__(self, draw: Draw, counts: Counter[str], *, serial: bool) -> None:
         self._draw, self._counts, self._now_ns = draw, counts, 10**12
-        self._core = GuardCore(GuardConfig(sysid=SYSID, body="left"), self._now_ns)
+        self._core = GuardCore(GuardConfig(sysid=SYSID, body="left"), self._now_ns, serial=serial)
+        self._tries = 24 if serial else 1  # a line may owe the end of a frame
         self._ground, self._drone = Codec(GROUND), Codec(TARGET)
 
     def feed(self) -> None:
@@ -181,9 +197,9 @@ class Bridge:
         self._now_ns += 1000
         kind = draw.random()
         if kind < 0.45:
-            core.receive_ground(Datagram(SYSID, draw.packet(self._ground, TARGET)), self._now_ns)
+            core.receive_ground(Datagram(SYSID, draw.datagram(self._ground, TARGET)), self._now_ns)
         elif kind < 0.9:
-            core.receive_autopilot(draw.packet(self._drone, GROUND), self._now_ns)
+            core.receive_autopilot(draw.datagram(self._drone, GROUND), self._now_ns)
         else:
             q = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
             sound = LabFrame(1, self._now_ns, ("lead", "left"), np.zeros((2, 3)), q, np.ones(2, bool), self._now_ns)
@@ -191,6 +207,16 @@ class Bridge:
                 core.receive_frame(frame, self._now_ns)
         out = core.tick(self._now_ns)
         self._counts["passed"] += len(out.to_autopilot) + len(out.to_ground)
+
+    def probe(self) -> str:
+        """Empty where what is valid passes, both ways."""
+        order, beat, passed = self._ground.encode(ASK_VERSION), self._drone.encode(BEAT), set[tuple[int, bytes]]()
+        for _ in range(self._tries):
+            self._core.receive_ground(Datagram(SYSID, order), self._now_ns)
+            self._core.receive_autopilot(beat, self._now_ns)
+            out = self._core.tick(self._now_ns)
+            passed |= contents(*(datagram.data for datagram in (*out.to_autopilot, *out.to_ground)))
+        return "" if contents(order, beat) <= passed else "the bridge does not pass what is valid"
 
 
 class Page:
@@ -239,6 +265,11 @@ class LiveLog:
 
 def ignore(*_: object) -> None:
     """What a viewer would show."""
+
+
+def contents(*datagrams: bytes) -> set[tuple[int, bytes]]:
+    """Ids and payloads of the frames in them."""
+    return {(frame.number, frame.payload) for data in datagrams for frame in FrameCutter().cut(data)}
 
 
 def flying_lab() -> FakeLab:

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -90,18 +91,16 @@ SERVERS: Mapping[str, Callable[[], Qtm | Vicon | Vrpn]] = MappingProxyType(
 )
 
 
-class Delivered:
-    """Frames that a client has delivered: each must be of the shape that it says."""
+class Camera:
+    """A client's frames as they are delivered, each of the shape that it says; and frames for its server to send."""
 
-    def __init__(self, source: str, counts: Counter[str]) -> None:
-        self.config = LabConfig.model_validate(
-            {"leader": {"body": BODIES[0]}, "followers": [{"body": BODIES[1], "sysid": 2, "offset_m": (0.0, 1.0, 0.0)}],
-             "mocap": {"source": source}}
-        )  # fmt: skip
-        self.last: RawFrame | None = None
-        self.rejections = RejectionLog()
-        self.feed = Feed(self.config.mocap, self._take, lambda _event: None, self.rejections, Clock())
-        self._counts = counts
+    def __init__(self, draw: Draw, counts: Counter[str], source: str, **options: object) -> None:
+        followers = [{"body": BODIES[1], "sysid": 2, "offset_m": (0.0, 1.0, 0.0)}]
+        lab = {"leader": {"body": BODIES[0]}, "followers": followers, "mocap": {"source": source, source: options}}
+        self._config, self._draw, self._counts = LabConfig.model_validate(lab), draw, counts
+        self._now_ns, self._number, self._last = 10**12, 0, sound_frame(0)
+        self._log = RejectionLog()
+        self._feed = Feed(self._config.mocap, self._take, lambda _event: None, self._log, Clock())
         core.warm_up_source(source)
 
     def _take(self, frame: RawFrame) -> None:
@@ -110,21 +109,29 @@ class Delivered:
         assert shapes == ((n, 3), (n, 4), (n,)), shapes
         assert -(2**63) <= frame.t_capture_ns < 2**63
         assert 0 <= frame.seq < 2**63
-        if self.config.mocap.source in core.MATRICES:
+        if self._config.mocap.source in core.MATRICES:
             norms = np.linalg.norm(frame.q_mocap_from_marker, axis=1)
             assert ((norms == 0.0) | (np.abs(norms - 1.0) < 1e-6)).all()
         self._counts["taken"] += 1
-        self.last = frame
+        self._last = frame
+
+    def _frame(self) -> RawFrame:
+        """Of any number of bodies, anywhere."""
+        draw = self._draw
+        n = draw.choice((0, 1, 2, 2, 2, 2, 20))
+        bodies = BODIES if n == 2 else tuple(f"b{k}" for k in range(n))
+        seen = np.array([draw.random() < 0.9 for _ in range(n)], dtype=np.bool_)
+        stamp_ns = draw.choice((self._now_ns, self._now_ns, self._now_ns, draw.randrange(2**62)))
+        return RawFrame(self._number, stamp_ns, bodies, draw.rows(n, 3), draw.quaternions(n), seen)
 
 
-class TcpCamera:
+class TcpCamera(Camera):
     """A client over TCP. What it cannot read ends its connection; the next one must be understood."""
 
     def __init__(self, draw: Draw, counts: Counter[str], source: str) -> None:
-        self._draw, self._counts = draw, counts
-        self._server, self._delivered = SERVERS[source](), Delivered(source, counts)
-        self._source: Any = open_source(self._delivered.config, None, self._delivered.feed, lambda _: None)  # type: ignore[arg-type]
-        self._now_ns, self._number = 10**12, 0
+        super().__init__(draw, counts, source)
+        self._server = SERVERS[source]()
+        self._source: Any = open_source(self._config, None, self._feed, lambda _: None)  # type: ignore[arg-type]
         self._connect(BODIES)
 
     def feed(self) -> None:
@@ -138,22 +145,20 @@ class TcpCamera:
                 self._session.received(data, self._now_ns)
             self._session.due(self._now_ns)
         except ProtocolError as error:
-            self._delivered.feed.reject(str(error))
+            self._feed.reject(str(error))
             self._counts["connections ended"] += 1
-            names = draw.choices(TEXTS[:5], k=draw.choice((0, 1, 2, 20)))
-            self._connect(draw.choice((BODIES, names)))
-        self._counts["rejected"] = self._delivered.rejections.count
+            self._connect(draw.choice((BODIES, draw.choices(TEXTS[:5], k=draw.choice((0, 1, 2, 20))))))
+        self._counts["rejected"] = self._log.count
 
     def probe(self) -> str:
         """Empty where a new connection's frames are taken."""
         self._connect(BODIES)
-        self._delivered.last = None
+        taken = self._counts["taken"]
         for _ in range(4):
             self._now_ns += STEP_NS
             self._session.received(self._exposure(sound_frame(self._now_ns)), self._now_ns)
             self._session.due(self._now_ns)
-        last = self._delivered.last
-        return "" if last is not None and last.seen.any() else "a sound frame was not taken"
+        return "" if self._counts["taken"] > taken and self._last.seen.any() else "a sound frame was not taken"
 
     def _connect(self, bodies: Sequence[str]) -> None:
         opened = self._source.open(self._now_ns, "127.0.0.1", "127.0.0.1")[0]
@@ -167,19 +172,10 @@ class TcpCamera:
             case 0:
                 return draw.noise()
             case 1:
-                return draw.choice(self._server.opening(draw.choices(TEXTS, k=draw.choice((0, 1, 2, 2, 20)))) or [b""])
+                return draw.choice(self._server.opening(draw.choices(TEXTS, k=draw.choice((0, 1, 2, 2, 20)))))
             case 2 | 3:
                 return self._exposure(sound_frame(self._now_ns)) + self._exposure(sound_frame(self._now_ns))
-            case _:
-                return self._exposure(self._frame())
-
-    def _frame(self) -> RawFrame:
-        draw = self._draw
-        n = draw.choice((0, 1, 2, 2, 2, 2, 20))
-        bodies = BODIES if n == 2 else tuple(f"b{k}" for k in range(n))
-        seen = np.array([draw.random() < 0.9 for _ in range(n)], dtype=np.bool_)
-        stamp_ns = draw.choice((self._now_ns, self._now_ns, self._now_ns, draw.randrange(2**62)))
-        return RawFrame(0, stamp_ns, bodies, draw.rows(n, 3), draw.quaternions(n), seen)
+        return self._exposure(self._frame())
 
     def _exposure(self, frame: RawFrame) -> bytes:
         self._number += self._draw.choice((1, 1, 1, 1, 2, 50))
@@ -187,39 +183,31 @@ class TcpCamera:
             return self._server.exposure(frame, self._number)
 
 
-class NatNetCamera:
+class NatNetCamera(Camera):
     """A client of datagrams, by turns of a server of every version; after all of it a sound one is understood."""
 
     def __init__(self, draw: Draw, counts: Counter[str]) -> None:
-        self._draw, self._counts, self._delivered = draw, counts, Delivered("natnet", counts)
-        config = self._delivered.config.mocap.model_validate(
-            {"source": "natnet", "natnet": {"host": HOST, "multicast": ""}}
-        ).natnet
-        assert config is not None
-        self._session = NatNetSession(config, 8 * STEP_NS, BODIES, self._delivered.feed)
+        super().__init__(draw, counts, "natnet", host=HOST, multicast="")
+        assert self._config.mocap.natnet is not None
+        self._session = NatNetSession(self._config.mocap.natnet, 8 * STEP_NS, BODIES, self._feed)
         self._servers = [Responder(NatNetSettings(version=version), 1511, None) for version in VERSIONS]
-        self._server, self._seq, self._now_ns = self._servers[0], 0, 10**12
+        self._server = self._servers[0]
         self._session.start(self._now_ns)
 
     def feed(self) -> None:
         draw = self._draw
         self._now_ns += STEP_NS
         server = draw.choice(self._servers) if draw.random() < 0.2 else self._server
-        if draw.random() < 0.6:
-            n = draw.choice((0, 1, 2, 2, 20))
-            data = self._exposure(server, tuple(f"b{k}" for k in range(n)), draw.rows(n, 3))
-        else:
-            asked = draw.choice(
-                (b"\0\0\0\0", b"\4\0\0\0", b"\x0c\0\x08\0" + draw.randbytes(8), b"\2\0\x0a\0Bitstream\0")
-            )
-            (data,) = server.received(asked, CLIENT, self._now_ns)
-        data = draw.noise() if draw.random() < 0.1 else draw.spoiled(data, 0.8)
+        asked = draw.choice((b"\0\0\0\0", b"\4\0\0\0", b"\x0c\0\x08\0" + draw.randbytes(8), b"\2\0\x0a\0Bitstream\0"))
+        exposure, answers = self._exposure(server, self._frame()), server.received(asked, CLIENT, self._now_ns)
+        data = draw.choice((exposure, exposure, *answers, draw.noise()))
+        data = draw.spoiled(data, 0.8)
         if draw.random() < 0.9:
             data = data[:2] + (max(len(data) - 4, 0) & 0xFFFF).to_bytes(2, "little") + data[4:]
         self._session.received(data, HOST, self._now_ns)
         if draw.random() < 0.125:
             self._converse()
-        self._counts["rejected"] = self._delivered.rejections.count
+        self._counts["rejected"] = self._log.count
 
     def probe(self) -> str:
         """Empty where the next server's frames are taken within some seconds."""
@@ -227,10 +215,9 @@ class NatNetCamera:
         for _ in range(PATIENCE):
             self._now_ns += STEP_NS
             self._converse()
-            self._delivered.last = None
-            self._session.received(self._exposure(self._server, BODIES, np.zeros((2, 3))), HOST, self._now_ns)
-            last: RawFrame | None = self._delivered.last
-            if last is not None and last.bodies == BODIES:
+            taken = self._counts["taken"]
+            self._session.received(self._exposure(self._server, sound_frame(self._now_ns)), HOST, self._now_ns)
+            if self._counts["taken"] > taken and self._last.bodies == BODIES:
                 return ""
         return "sound frames are not taken any more"
 
@@ -240,12 +227,10 @@ class NatNetCamera:
             for answer in self._server.received(data, CLIENT, self._now_ns):
                 self._session.received(answer, HOST, self._now_ns)
 
-    def _exposure(self, server: Responder, bodies: Sequence[str], pos: np.ndarray) -> bytes:
-        self._seq, n = self._seq + 1, len(bodies)
-        q = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-        frame = RawFrame(self._seq, self._now_ns - STEP_NS, tuple(bodies), pos, q, np.ones(n, np.bool_))
+    def _exposure(self, server: Responder, frame: RawFrame) -> bytes:
+        self._number += 1
         with np.errstate(all="ignore"):
-            return server.frame(frame, self._now_ns)
+            return server.frame(replace(frame, seq=self._number), self._now_ns)
 
 
 def sound_frame(now_ns: int) -> RawFrame:

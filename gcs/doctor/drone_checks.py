@@ -1,4 +1,4 @@
-"""Checks of a drone's link, clock and parameters before a flight. Pure."""
+"""Checks of a drone's link, clock, parameters and signing key before a flight. Pure."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -7,12 +7,20 @@ from dataclasses import dataclass
 from formation.vehicle.profile import VehicleProfile
 from gcs.drones.autopilot_model import HOVER_WITHIN, GroundModel, ParameterRule
 from gcs.finding import Finding, Fix, Grade, Refit, graded, unmeasured
+from gcs.security.signing_probe import ProbeOutcome
 from wire.config_file import dump_profile
+from wire.link_messages import MavAutopilot
 
 PACKETS_LEAST = 50  # below it one lost packet would be two per cent, and a twin might not have spoken
 LOSS, LOSS_MOST = 0.01, 0.05
 ROUND_TRIP_S = 0.02
 HOVER_MOST = 0.25
+ALWAYS_UNSIGNED = {
+    MavAutopilot.PX4: "HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE, COLLISION",
+    MavAutopilot.ARDUPILOT: "RADIO_STATUS, RADIO; everything on its first serial port (USB)",
+}
+"""What firmwares accept unsigned, whatever their key: PX4's mavlink_sign_control.cpp, ArduPilot's GCS_Signing.cpp."""
+SIGNATURE, UNSIGNED_REJECTED = "signature", "unsigned refused"
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,3 +159,27 @@ def refitted(profile: VehicleProfile, hover_norm: float, sysid: int) -> Refit:
     name = f"{profile.name}_{sysid}"
     fitting = profile.model_copy(update={"name": name, "thrust_max_n": float(f"{profile.weight_n / share:.4g}")})
     return Refit(sysid, name, dump_profile(fitting))
+
+
+def check_signing(name: str, outcome: ProbeOutcome, *, is_bridged: bool) -> Iterator[Finding]:
+    """Judge one drone by what it answered; is_bridged: a bridge stands between the network and its autopilot."""
+    if outcome.unsigned_answers:
+        why = (
+            "it has the key and obeys unsigned commands on this link: move the link to another port of the autopilot"
+            if outcome.has_key
+            else "whoever reaches this network commands it: `gcs keys install FILE --serial DEV:BAUD` gives it the key"
+        )
+        yield Finding(name, SIGNATURE, Grade.FAIL, "unsigned obeyed", UNSIGNED_REJECTED, why)
+    elif outcome.demands_signatures:
+        yield Finding(name, SIGNATURE, Grade.PASS, UNSIGNED_REJECTED, UNSIGNED_REJECTED)
+    else:
+        why = (
+            "it answers signed commands neither: it is off, or has another key"
+            if outcome.received
+            else "nothing came from it"
+        )
+        yield unmeasured(name, SIGNATURE, UNSIGNED_REJECTED, why, Grade.FAIL)
+    always = None if is_bridged or outcome.autopilot is None else ALWAYS_UNSIGNED.get(outcome.autopilot)
+    if always is not None:
+        why = "its firmware accepts these unsigned, whatever its key: only a bridge (`drone-agent --bridge`) ends them"
+        yield Finding(name, "always accepted unsigned", Grade.WARN, always, "nothing", why)

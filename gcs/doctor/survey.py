@@ -11,7 +11,7 @@ import numpy as np
 from formation.config import LabConfig
 from formation.messages import Datagram, LabFrame
 from gcs.doctor.axes_checks import Moves, Snapshot, check_axes
-from gcs.doctor.drone_checks import DroneReport, check_drone
+from gcs.doctor.drone_checks import DroneReport, check_drone, check_signing
 from gcs.doctor.mavsdk_drone import (
     DroneError,
     MavsdkPort,
@@ -24,7 +24,6 @@ from gcs.doctor.mavsdk_drone import (
 )
 from gcs.doctor.mocap_checks import Received, check_mocap
 from gcs.doctor.restart_record import Unmet, unmet_ns
-from gcs.doctor.signing_checks import check_signing
 from gcs.drones.autopilot_poses import AutopilotPoses, streams
 from gcs.drones.checks import restart_text
 from gcs.drones.link_state import DroneLink

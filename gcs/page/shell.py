@@ -23,8 +23,7 @@ from gcs.page.door import Door
 from gcs.page.model import Model
 from gcs.page.origin import VISITOR, OwnPagesOnly
 from gcs.page.viewer import Viewer
-from gcs.security.page_logins import Logins, Visitor
-from gcs.security.page_tokens import read_tokens
+from gcs.security.page_logins import Logins, Visitor, read_tokens
 from gcs.security.roles import visitor_source
 from wire.clock import Clock, unix_us
 from wire.errors import ConfigError

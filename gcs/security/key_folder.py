@@ -15,7 +15,7 @@ from formation.exposure import GROUND, OWN_IDENTITIES, PAGE, drone_identity, end
 from formation.security_config import SecurityConfig
 from gcs.security.access_rules import access_control, identities
 from gcs.security.certificates import Issued, common_name, expiry, hosts_in, new_authority, new_identity
-from gcs.security.page_tokens import drop_token, new_token
+from gcs.security.page_logins import drop_token, new_token
 from wire.errors import ConfigError
 from wire.files import make_folder
 from wire.process.system import own_name

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from formation.config import LabConfig
-from gcs.doctor.signing_checks import check_signing
+from gcs.doctor.drone_checks import check_signing
 from gcs.doctor.survey import probe_signing
 from gcs.finding import Finding, Grade, failed
 from gcs.security.signing_probe import ASKS, ProbeOutcome, SigningProbe
@@ -74,7 +74,7 @@ def test_only_what_was_seen_to_refuse_passes(outcome: ProbeOutcome, grade: Grade
     assert (first.grade, first.found) == (grade, found)
     assert outcome.demands_signatures is (grade is Grade.PASS)
     if grade is Grade.PASS:  # what no key closes, where no bridge stands before it
-        (warning,) = check_signing("left", outcome, is_bridged=False)[1:]
+        _, warning = check_signing("left", outcome, is_bridged=False)
         assert (warning.grade, warning.found) == (Grade.WARN, "HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE, COLLISION")
 
 

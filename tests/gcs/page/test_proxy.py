@@ -13,7 +13,7 @@ from formation.config import LabConfig
 from formation.messages import OperatorReply, OperatorRequest, Verb
 from formation.requests import GCS_NAME
 from gcs.security.key_folder import KeyFolder
-from gcs.security.page_tokens import drop_token
+from gcs.security.page_logins import drop_token
 from gcs.security.roles import by_role
 from tests.free_ports import free_port
 from tests.gcs.page.browser import CHROMIUM, NONE, Tab, browser

@@ -16,12 +16,9 @@ from mocap.sources.registry import open_source
 from mocap.sources.source import Feed
 from mocap.sources.tcp import ProtocolError
 from mocap.sources.vrpn import messages
-from sim.cameras.servers.natnet import NatNetSettings
-from sim.cameras.servers.natnet.responder import Responder
-from sim.cameras.servers.qtm import packets as qtm
-from sim.cameras.servers.vicon import objects as vicon
-from sim.cameras.servers.vrpn.connection import Names
-from sim.cameras.servers.vrpn.server_kind import SensorEach, ServerKind, TrackerEach
+from sim.cameras.servers import qtm, vicon
+from sim.cameras.servers.natnet import NatNetSettings, Responder
+from sim.cameras.servers.vrpn import Names, SensorEach, ServerKind, TrackerEach
 from tools.fuzz.draw import TEXTS, Draw
 from wire.clock import Clock
 from wire.rejections import RejectionLog

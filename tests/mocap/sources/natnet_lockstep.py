@@ -7,8 +7,7 @@ import numpy as np
 
 from formation.messages import RawFrame
 from mocap.sources.natnet.session import NatNetSession
-from sim.cameras.servers.natnet import NatNetSettings
-from sim.cameras.servers.natnet.responder import Responder
+from sim.cameras.servers.natnet import NatNetSettings, Responder
 from tests.mocap.sources.recorded_feed import kept
 
 MS = 1_000_000

@@ -6,9 +6,7 @@ import pytest
 
 from formation.messages import RawFrame
 from formation.mocap_config import MocapConfig
-from sim.cameras.servers.natnet import NatNetSettings, natnet_server
-from sim.cameras.servers.natnet.encode import OFFSETS_M
-from sim.cameras.servers.natnet.responder import CLIENT_NS, Responder
+from sim.cameras.servers.natnet import CLIENT_NS, OFFSETS_M, NatNetSettings, Responder, natnet_server
 from wire.clock import REAL_TIME
 
 S = 10**9

@@ -9,9 +9,8 @@ from qtm_rt.packet import QRTComponentType, QRTPacket, RT6DComponent
 from scipy.spatial.transform import Rotation
 
 from formation.messages import RawFrame
-from sim.cameras.servers.qtm import packets
-from sim.cameras.servers.qtm.conversation import QtmConversation, Wanted
-from sim.cameras.servers.qtm.server import Discovery
+from sim.cameras.servers import qtm as packets
+from sim.cameras.servers.qtm import Discovery, QtmConversation, Wanted
 
 NAMES = ("lead", "<right> & left")
 ROTATIONS = Rotation.random(2, random_state=3)

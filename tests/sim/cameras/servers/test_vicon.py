@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from formation.messages import RawFrame
-from sim.cameras.servers.vicon import objects
-from sim.cameras.servers.vicon.conversation import ViconConversation
+from sim.cameras.servers import vicon as objects
+from sim.cameras.servers.vicon import ViconConversation
 
 OFFER = bytes.fromhex(
     "01002b1a28000000a18601002000000007000000010000000200000005000000090000001a0000002a000000a4860100"

@@ -14,9 +14,10 @@ from pydantic import Field
 from formation.config import LabConfig
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
+from formation.maths.kernel import kernel
+from formation.maths.quaternion import multiply_into, rotate_into, turn_into
 from formation.messages import RawFrame, Truth
 from formation.model import Model, Positive
-from sim.cameras import optics
 from sim.cameras.playback import Playback
 from wire.transport.memory_bus import MemoryLink, random_delay
 
@@ -180,12 +181,12 @@ class MocapEmulator:
             row[0] = (t_ns - truth.t_ns) * 1e-9
             row[1:4], row[4:7] = truth.pos_lab_m, truth.vel_lab_m_s
             row[7:11], row[11:14] = truth.q_lab_from_flu, truth.rate_flu_rad_s
-        optics.measure_poses(self._truth, carried, self._view, self._q_flu_from_marker, noise, self._pos, self._q)
+        measure_poses(self._truth, carried, self._view, self._q_flu_from_marker, noise, self._pos, self._q)
         elapsed_ns = t_ns - (self._start_ns or t_ns)
         if self._leader is not None and seen[0] and self._leader.is_in_sight(elapsed_ns):
             pos, q = self._leader.pose(elapsed_ns)
             shown = noise[0] * (0.0 if self._start_ns is not None and self._leader.plays(elapsed_ns) else 1.0)
-            optics.blur(pos, q, self._view, self._q_flu_from_marker[0], shown, self._pos[0], self._q[0])
+            blur(pos, q, self._view, self._q_flu_from_marker[0], shown, self._pos[0], self._q[0])
             carried[0] = True
         seen &= carried
 
@@ -219,3 +220,45 @@ class MocapEmulator:
         nominal = self._t0_ns + self._ticks * period
         bounded = min(max(jitter, -0.4 * period), 0.4 * period)
         return max(round(nominal + bounded), t_ns + round(0.2 * period))
+
+
+@kernel
+def measure_poses(
+    truth: Float, in_view: Bool, view: Float, q_flu_from_marker: Float, noise: Float, pos: Float, q: Float
+) -> None:
+    """Poses of the bodies in view, in the mocap's axes, into pos (n, 3) and q (n, 4).
+
+    truth (n, 14): seconds since the truth was so, pos_lab_m, vel_lab_m_s, q_lab_from_flu, rate_flu_rad_s.
+    view (7): q_mocap_from_lab and the mocap's origin in lab; q_flu_from_marker (n, 4).
+    noise (n, 6): m in lab, rad in flu.
+    """
+    from_origin, turn, moved, seen = pos[0].copy(), pos[0].copy(), q[0].copy(), q[0].copy()
+    for i in range(len(in_view)):
+        if not in_view[i]:
+            continue
+        dt = truth[i, 0]
+        for axis in range(3):
+            from_origin[axis] = truth[i, 1 + axis] + dt * truth[i, 4 + axis] - view[4 + axis] + noise[i, axis]
+            turn[axis] = dt * truth[i, 11 + axis]
+        rotate_into(view[:4], from_origin, pos[i])
+        turn_into(truth[i, 7:11], turn, moved)
+        turn_into(moved, noise[i, 3:], seen)
+        multiply_into(view[:4], seen, moved)
+        multiply_into(moved, q_flu_from_marker[i], q[i])
+
+
+@kernel
+def blur(
+    pos_mocap_m: Float, q_mocap_from_marker: Float, view: Float, q_flu_from_marker: Float, noise: Float,
+    pos: Float, q: Float,
+) -> None:  # fmt: skip
+    """The same noise (6) on one body whose pose the mocap's axes have already, into pos (3) and q (4)."""
+    shift, q_marker_from_flu, flu, turned = pos.copy(), q.copy(), q.copy(), q.copy()
+    rotate_into(view[:4], noise[:3], shift)
+    q_marker_from_flu[0] = q_flu_from_marker[0]
+    for axis in range(3):
+        pos[axis] = pos_mocap_m[axis] + shift[axis]
+        q_marker_from_flu[axis + 1] = -q_flu_from_marker[axis + 1]
+    multiply_into(q_mocap_from_marker, q_marker_from_flu, flu)
+    turn_into(flu, noise[3:], turned)
+    multiply_into(turned, q_flu_from_marker, q)

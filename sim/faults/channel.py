@@ -6,10 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from formation.maths.frames import from_rotation_vector, multiply
 from formation.messages import Datagram
 from sim.faults.fault import Family, Fault
 from sim.faults.queue import DueQueue
-from sim.faults.rogue_setpoint import tilted
+from wire.link_messages import AttitudeSetpoint
+from wire.mavlink.codec import Codec, read_frame
+from wire.mavlink.framing import FrameCutter
 from wire.transport.memory_bus import NOTHING_DUE_NS, DelayModel
 
 OVERTAKEN_NS = 30_000_000
@@ -113,3 +116,17 @@ class Channel:
 
 def _later(delay_ns: int | None, by_s: float) -> int | None:
     return None if delay_ns is None else delay_ns + round(by_s * 1e9)
+
+
+def tilted(data: bytes, tilt_rad: float) -> bytes:
+    """A datagram whose attitude targets are tilted so much farther, about the body's forward axis."""
+    return b"".join(
+        Codec(frame.source).encode(
+            message._replace(
+                q_lab_from_flu=multiply(message.q_lab_from_flu, from_rotation_vector(np.array([tilt_rad, 0.0, 0.0])))
+            )
+        )
+        if isinstance(message := read_frame(frame).message, AttitudeSetpoint)
+        else frame.data
+        for frame in FrameCutter().cut(data)
+    )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import common
 
-from sim.faults.rogue_setpoint import tilted
+from sim.faults.channel import tilted
 from wire.link_messages import Address, AttitudeSetpoint
 from wire.mavlink.codec import Codec
 

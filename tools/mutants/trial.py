@@ -5,7 +5,7 @@ import resource
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.abc import MetaPathFinder
@@ -14,10 +14,11 @@ from importlib.util import spec_from_file_location
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import CodeType, FrameType, ModuleType
 from typing import Any, cast
 
 import pytest
+from pluggy import Result as Outcome
 
 ROOT = Path(__file__).resolve().parents[2]
 TESTS = "tests/formation"
@@ -44,7 +45,58 @@ class Result:
     mutant: Mutant
     killer: str
     seconds: float
-    reason: str = ""
+
+
+class TooSlow(BaseException):
+    """A test that takes too long to be asked of every change."""
+
+
+class Cover:
+    """A pytest plugin: test by test, the lines run of files under `package`; of tests that pass within slowest_s."""
+
+    def __init__(self, root: Path, package: Path, slowest_s: float) -> None:
+        self._slowest_s = slowest_s
+        self.tests: dict[str, dict[str, Any]] = {}
+        self.failed: list[str] = []
+        self._root, self._package = root, str(package)
+        self._lines: dict[str, set[int]] = {}
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_call(self, item: pytest.Item) -> Generator[None, Outcome[None], None]:
+        self._lines = {}
+        began_s = time.process_time()
+        signal.signal(signal.SIGVTALRM, _too_slow)
+        signal.setitimer(signal.ITIMER_VIRTUAL, self._slowest_s)
+        sys.settrace(self._enter)
+        outcome = yield
+        sys.settrace(None)
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        if outcome.excinfo and issubclass(outcome.excinfo[0], TooSlow):
+            outcome.force_result(None)
+            return
+        run = {str(Path(f).relative_to(self._root)): sorted(lines) for f, lines in self._lines.items()}
+        self.tests[item.nodeid] = {"seconds": time.process_time() - began_s, "lines": run}
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed:
+            self.tests.pop(report.nodeid, None)
+            self.failed.append(report.nodeid)
+
+    def _enter(self, frame: FrameType, event: str, arg: object) -> Any:
+        file = frame.f_code.co_filename
+        if not file.startswith(self._package):
+            return None
+        lines = self._lines.setdefault(file, set())
+
+        def line(frame: FrameType, event: str, arg: object) -> Any:
+            lines.add(frame.f_lineno)
+            return line
+
+        return line
+
+
+def _too_slow(number: int, frame: FrameType | None) -> None:
+    raise TooSlow
 
 
 class Wrong(MetaPathFinder):
@@ -134,19 +186,14 @@ def run_pytest(arguments: list[str], plugins: list[object]) -> int:
     settings.register_profile("mutants", derandomize=True, phases=(Phase.explicit, Phase.generate), deadline=None)
     settings.load_profile("mutants")
     with _silent():
-        return int(
-            pytest.main(
-                [
-                    "-q",
-                    "-p",
-                    "no:cacheprovider",
-                    "-Wignore::pytest.PytestAssertRewriteWarning",
-                    f"--confcutdir={TESTS}",
-                    *arguments,
-                ],
-                plugins,
-            )
+        options = (
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "-Wignore::pytest.PytestAssertRewriteWarning",
+            f"--confcutdir={TESTS}",
         )
+        return int(pytest.main([*options, *arguments], plugins))
 
 
 @contextmanager

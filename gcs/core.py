@@ -178,11 +178,9 @@ class GcsCore:
         self._tick_ns, self._due = now_ns, False
         self._reinitialise(now_ns)
         frame, stack, plan = self._pop_frame(), self._stack, self._flight.plan()
-        links = self._gatherer.gather_links(now_ns)
         self._gatherer.compare_attitudes(frame)
         stages = None if frame is None else self._control(frame, plan, now_ns)
-        facts = self._gatherer.gather(links, self._stages, self._lateness.share, now_ns)
-        phase = self._flight.phase
+        facts, phase = self._facts(now_ns), self._flight.phase
         self._rule_state, verdict = rules.assess(
             self._rule_state, facts, phase, self._config.limits, now_ns, self._rules_on
         )
@@ -218,7 +216,7 @@ class GcsCore:
     def state(self, now_ns: int) -> GroundState:
         """Everything an operator may want to see, but the host's part; reading it changes nothing."""
         grounded = self.phase is Phase.GROUND
-        facts = self._facts(now_ns, asked_to_arm=grounded or self.phase is Phase.ARMED)
+        facts = self._facts(now_ns)
         reasons = self._permissions.arming(facts, now_ns) if grounded else ()
         about = About(
             t_s=(now_ns - self._t0_ns) * 1e-9,
@@ -288,10 +286,10 @@ class GcsCore:
         """The answer; none yet to `arm`, which is answered when every drone has armed, or has not."""
         if request.verb is Verb.STATUS:
             return [OperatorReply(request.id, True, encode(self.state(now_ns)))]
-        facts = self._facts(now_ns, asked_to_arm=True)
+        facts = self._facts(now_ns)
         reasons = self._permissions.reject_reasons(request.verb, facts, self._stages, now_ns)
         if not reasons and request.verb in formation_change.CHANGES:
-            reasons = formation_change.ask(request, self._flight, self._facts(now_ns), self._stages, now_ns)
+            reasons = formation_change.ask(request, self._flight, facts, self._stages, now_ns)
         elif not reasons:
             reject_reason = self._execute(request.verb, now_ns)
             reasons = () if reject_reason is None else (reject_reason,)
@@ -335,9 +333,8 @@ class GcsCore:
             return [OperatorReply(request, True, armed_text(flight, now_ns))]
         return [OperatorReply(request, False, flight.cause, (flight.cause_code,))]
 
-    def _facts(self, now_ns: int, asked_to_arm: bool = False) -> Facts:
-        links = self._gatherer.gather_links(now_ns)
-        return self._gatherer.gather(links, self._stages, self._lateness.share, now_ns, asked_to_arm)
+    def _facts(self, now_ns: int) -> Facts:
+        return self._gatherer.gather(self._stages, self._lateness.share, now_ns)
 
     def _records(self, stages: Stages | None) -> tuple[tuple[Topic, object], ...]:
         records: list[tuple[Topic, object]] = []

@@ -3,19 +3,17 @@
 import math
 from dataclasses import dataclass
 from math import exp
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from formation.config import LabConfig
 from formation.control.stack import Stages
-from formation.maths.arrays import Flags, Float, Quat, Quats, Scalars, Vec3s
+from formation.maths.arrays import Float, Quat, Quats, Scalars, Vec3s
 from formation.maths.kernel import kernel
 from formation.messages import LabFrame
 from formation.safety.attitude_innovation import AttitudeMonitor
 from formation.safety.rules import Facts
-from gcs.drones.checks import prearm_failures
 from gcs.drones.drone import Drone
 from gcs.drones.telemetry import NOWHERE
 
@@ -51,21 +49,6 @@ class Lateness:
         self._all = self._all * fade + missed_frames + 1
         self.frames, self.missed_frames = self.frames + 1, self.missed_frames + missed_frames
         self._seq, self._t_ns = seq, now_ns
-
-
-class LinkFacts(NamedTuple):
-    """What the links say, as in `Facts` (n)."""
-
-    heartbeat_age_s: Scalars
-    silent_s: Scalars
-    link_behind_s: Scalars
-    setpoint_age_s: Scalars
-    own_tilt_rad: Scalars
-    battery: Scalars
-    own_pos_lab_m: Vec3s
-    armed: Flags
-    offboard: Flags
-    duplicate: Flags
 
 
 class FactGatherer:
@@ -104,8 +87,8 @@ class FactGatherer:
         """The thrust that hovers each commanded vehicle (m)."""
         return np.array([drone.link.hover_thrust_norm for drone in self._drones])
 
-    def gather_links(self, now_ns: int) -> LinkFacts:
-        """What the links say now."""
+    def gather(self, stages: Stages | None, late_share: float, now_ns: int) -> Facts:
+        """The facts now."""
         n = len(self._names)
         ages_s, own_tilt, own_pos, battery = [_NO_AGES] * n, [math.nan] * n, [NOWHERE] * n, [math.nan] * n
         reported = [_REPORTED] * n
@@ -119,14 +102,6 @@ class FactGatherer:
         own_tilts, batteries = np.array([own_tilt, battery])
         heartbeats, silences, behind, ages = np.ascontiguousarray(np.array(ages_s).T)
         arms, streams, twins = np.ascontiguousarray(np.array(reported).T)
-        return LinkFacts(
-            heartbeats, silences, behind, ages, own_tilts, batteries, np.array(own_pos), arms, streams, twins
-        )
-
-    def gather(
-        self, links: LinkFacts, stages: Stages | None, late_share: float, now_ns: int, asked_to_arm: bool = False
-    ) -> Facts:
-        """The facts now. Objections of the links are gathered only where arming is asked for."""
         pos, age, model_mismatch, measured = self._seen(stages, now_ns)
         return Facts(
             names=self._names,
@@ -137,12 +112,18 @@ class FactGatherer:
             age_s=age,
             error_m=measured[2],
             model_mismatch=model_mismatch,
+            own_pos_lab_m=np.array(own_pos),
+            own_tilt_rad=own_tilts,
             attitude_innovation_rad=self._attitudes.innovation_rad,
+            heartbeat_age_s=heartbeats,
+            silent_s=silences,
+            link_behind_s=behind,
+            setpoint_age_s=ages,
+            armed=arms,
+            offboard=streams,
+            battery=batteries,
+            duplicate=twins,
             late_share=late_share,
-            prearm_failures=tuple(reason for d in self._drones for reason in prearm_failures(d.link))
-            if asked_to_arm
-            else (),
-            **links._asdict(),
         )
 
     def _seen(self, stages: Stages | None, now_ns: int) -> tuple[Vec3s, Scalars, Scalars, Float]:

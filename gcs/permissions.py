@@ -86,14 +86,6 @@ def _in_flight(link: DroneLink) -> Reject:
     return Reason.IN_AIR.of(link.name, link.telemetry.landed.name)
 
 
-def takeoff_reject_reasons(
-    facts: Facts, flight: Flight, drones: Sequence[Drone], config: LabConfig, now_ns: int
-) -> tuple[Reject, ...]:
-    """Why the swarm may not leave the floor now; as for arming, and every drone must have armed, and stay so."""
-    not_armed = () if flight.armed else (Reason.NOT_ARMED.of(),)
-    return arming.prearm_failures(facts, config.limits) + not_armed + _too_late(drones, now_ns)
-
-
 def _too_late(drones: Sequence[Drone], now_ns: int) -> tuple[Reject, ...]:
     """Who would disarm by itself before it has lifted off."""
     left_s = [drone.disarms_in_s(now_ns) for drone in drones]
@@ -147,7 +139,7 @@ class Permissions:
         self._without = without
 
     def reject_reasons(self, verb: Verb, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[Reject, ...]:
-        """Every reason against the verb; facts: with the links' pre-arm failures."""
+        """Every reason against the verb."""
         match verb, self._flight.phase:
             case Verb.ARM, Phase.GROUND:
                 return self.arming(facts, now_ns)
@@ -159,7 +151,8 @@ class Permissions:
             case Verb.RESET, Phase.STOPPED:
                 return reset_reject_reasons(self._drones, now_ns)
             case Verb.TAKEOFF, Phase.ARMED:
-                return takeoff_reject_reasons(facts, self._flight, self._drones, self._config, now_ns)
+                not_armed = () if self._flight.armed else (Reason.NOT_ARMED.of(),)
+                return (*self._prearm_failures(facts), *not_armed, *_too_late(self._drones, now_ns))
             case Verb.START, Phase.HOLD:
                 joining = joining_reject_reasons(self._drones, now_ns)
                 return joining or formation_change.start(self._flight, facts, stages, self._flight.config)
@@ -198,10 +191,14 @@ class Permissions:
         trouble, button = self._host.log_trouble, self._host.button_trouble
         return (
             *arming_reject_reasons(up, self._other_grounds(now_ns)),
-            *arming.prearm_failures(facts, self._config.limits),
+            *self._prearm_failures(facts),
             *((Reason.LOG.of(trouble),) if trouble else ()),
             *((Reason.STOP_BUTTON.of(button),) if button else ()),
         )
+
+    def _prearm_failures(self, facts: Facts) -> tuple[Reject, ...]:
+        links = (reject for drone in self._drones for reject in prearm_failures(drone.link))
+        return (*arming.prearm_failures(facts, self._config.limits), *links)
 
     def _other_grounds(self, now_ns: int) -> tuple[str, ...]:
         if ARM_OTHER_GROUND in self._without:

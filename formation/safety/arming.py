@@ -27,7 +27,7 @@ def prearm_failures(facts: Facts, limits: LimitsConfig) -> tuple[Reject, ...]:
             reasons.append(Reason.TOO_NEAR.of(name, near[i], limits.min_separation_m))
         if facts.commanded[i]:
             reasons += _link_failures(facts, i)
-    return (*reasons, *facts.prearm_failures)
+    return tuple(reasons)
 
 
 def _pose_failures(facts: Facts, i: int, outside_m: float) -> list[Reject]:

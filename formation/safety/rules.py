@@ -15,7 +15,6 @@ from formation.maths.kernel import kernel
 from formation.maths.sweep import ascending, widest_axis
 from formation.messages import Phase
 from formation.model import Vec3Tuple
-from formation.reasons import Reject
 from formation.safety.phases import Trigger
 from formation.safety.rules_table import LOST_S, RULES, Measure, Own, Rule
 
@@ -58,7 +57,6 @@ class Facts(NamedTuple):
     battery: Scalars
     duplicate: Flags
     late_share: float
-    prearm_failures: tuple[Reject, ...] = ()
 
 
 class RuleState(NamedTuple):

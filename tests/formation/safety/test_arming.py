@@ -32,11 +32,6 @@ REFUSALS = {
         Reason.SYSID_TWICE,
         "right: its sysid is used twice on the network",
     ),
-    "prearm": (
-        {"prearm_failures": (Reason.WRONG_PARAMETER.of("left", "GUID_OPTIONS is 0"),)},
-        Reason.WRONG_PARAMETER,
-        "left: GUID_OPTIONS is 0",
-    ),
 }
 
 

@@ -319,6 +319,10 @@ class LoopTiming:
     late: bool
 
 
+FARTHEST_M = 1000.0
+"""No pose of a lab is farther from the cameras' origin: what is, is in other units."""
+
+
 class Rejection(IntEnum):
     """Why one body's pose is not shown; NONE where it is, or where the cameras do not see the body."""
 
@@ -348,7 +352,7 @@ _WORDS = {
     Rejection.NONE: "",
     Rejection.NOT_FINITE: "not finite",
     Rejection.NO_ROTATION: "no unit quaternion",
-    Rejection.TOO_FAR: "more than 1000 m away (millimetres?)",
+    Rejection.TOO_FAR: f"more than {FARTHEST_M:g} m away (millimetres?)",
     Rejection.FREEZE: "frozen: the same to the last bit",
     Rejection.JUMP: "jumped farther than it can move",
     Rejection.FLIP: "turned over as it cannot",

@@ -11,8 +11,8 @@ from formation.maths import frames
 from formation.maths.arrays import Bool, Float
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import multiply_into
-from formation.messages import LabFrame, RawFrame, Rejection
-from wire.transport.frame_check import FARTHEST_M, UNIT_WITHIN
+from formation.messages import FARTHEST_M, LabFrame, RawFrame, Rejection
+from wire.transport.frame_check import UNIT_WITHIN
 
 Indices = NDArray[np.int64]
 NOT_FINITE, NO_ROTATION, TOO_FAR = int(Rejection.NOT_FINITE), int(Rejection.NO_ROTATION), int(Rejection.TOO_FAR)

@@ -7,6 +7,7 @@ from formation.config import VehicleBody
 from formation.maths.arrays import Quat
 from formation.messages import Event, Severity
 from formation.model import Vec3Tuple
+from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
 from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
 from gcs.drones.protocols import BootParameters, CommandChannel, ParameterReader, stream
@@ -25,6 +26,7 @@ from wire.clock_offset import TimeSyncClient, rate_offset_text
 from wire.link_messages import (
     BRIDGE_COMPONENT,
     DRONE_COMPONENT,
+    FORCE_MOST_M_S2,
     GROUND,
     GROUND_COMPONENTS,
     GROUND_SYSTEM,
@@ -300,7 +302,9 @@ class DroneLink:
             case InertialSample():
                 t_ns = self._made_ns(message.t_boot_us * 1000, now_ns)
                 if t_ns is not None and not self.telemetry.force.receive(t_ns, message.specific_force_flu_m_s2, now_ns):
-                    self._reject_log.note(self.name, "specific force beyond 16 g", now_ns)
+                    self._reject_log.note(
+                        self.name, f"specific force beyond {FORCE_MOST_M_S2 / GRAVITY_M_S2:.0f} g", now_ns
+                    )
             case LocalPosition():
                 t_ns = self._made_ns(message.t_boot_ms * 1_000_000, now_ns)
                 self.own_estimate.receive_position(message.pos_lab_m, NEVER_NS if t_ns is None else t_ns)

@@ -22,6 +22,7 @@ from formation.guidance.shape import Shape, configured, separations, shape_for
 from formation.guidance.shape_request import ShapeRequest
 from formation.guidance.trajectory import anchored
 from formation.maths.arrays import Float
+from formation.messages import FARTHEST_M
 from formation.trajectory_config import KINDS
 from gcs.finding import Finding
 from gcs.lab.feasibility import judge_feasibility
@@ -31,7 +32,7 @@ from wire.security.bus_access import REMEDY
 
 FENCE, START, ON_TRAJECTORY, LISTED = "fence", "slots at the start", "slots on the trajectory", "listed shapes"
 CLOSE_M = FENCE_INSET_M
-FLOOR_M, FENCE_FAR_M, POSE_MOST_M, MILLIMETRES_M = 0.02, 100.0, 1000.0, 50.0
+FLOOR_M, FENCE_FAR_M, MILLIMETRES_M = 0.02, 100.0, 50.0
 TURN = "leader.trajectory.yaw_rate_rad_s"
 SECURITY = "security"
 EXPOSED = "not on this machine, and nothing authenticates it"
@@ -57,7 +58,7 @@ def judge_flight_volume(config: LabConfig, keys: Keys, ahead: Preview) -> Iterat
 def _fence(fence: Fence, keys: Keys) -> Iterator[Finding]:
     for key, corner in (("limits.fence.low_m", fence.low_m), ("limits.fence.high_m", fence.high_m)):
         farthest_m = max(map(abs, corner))
-        if farthest_m > POSE_MOST_M:
+        if farthest_m > FARTHEST_M:
             yield keys.reject(key, FENCE, "poses farther than 1 km are no poses; metres are meant, not millimetres")
         elif farthest_m > FENCE_FAR_M:
             yield keys.warn(key, FENCE, f"{farthest_m:g} m is far for a room: metres are meant")

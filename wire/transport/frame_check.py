@@ -3,10 +3,9 @@
 import numpy as np
 
 from formation.maths.arrays import Bool, Float
-from formation.messages import LabFrame, RawFrame, Rejection
+from formation.messages import FARTHEST_M, LabFrame, RawFrame, Rejection
 
 MOST_BODIES = 1000
-FARTHEST_M = 1000.0
 UNIT_WITHIN = 0.1
 """How far the square of a quaternion's length may be from 1."""
 OLDEST_NS = 1_000_000_000

@@ -1,11 +1,8 @@
 """Small wrong changes of Python source: where they can be made, and the tree with one of them made. Pure."""
 
 import ast
-import copy
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
 
 TWINS = {"min": "max", "max": "min", "sin": "cos", "cos": "sin"}
 OPPOSITE: dict[type[ast.cmpop], type[ast.cmpop]] = {
@@ -22,9 +19,6 @@ Path = tuple[tuple[str, int], ...]
 """The way from a module to one of its nodes: field and place in it (-1 where the field is no list)."""
 Span = tuple[int, int]
 Node = ast.expr | ast.stmt
-Make = Callable[[Any], ast.AST | None]
-"""The node that takes another's place; None: it stands for nothing, `pass`. It is given a copy of the very node that
-`_of` made it for, of whatever kind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +32,6 @@ class Change:
     lineno: int
     lines: tuple[int, int]
     called: bool
-    kind: str
     old: str
     new: str
     line: str
@@ -54,12 +47,11 @@ def changes(file: str, source: str) -> list[Change]:
     lines = source.splitlines()
     found = []
     for at, node, span, called in _walk(ast.parse(source), (), (1, 1), False):
-        for number, (kind, make) in enumerate(_of(node)):
-            made = make(copy.deepcopy(node))
-            old, new = ast.unparse(node), "pass" if made is None else ast.unparse(made)
+        for number, made in enumerate(_of(node)):
+            old, new = ast.unparse(node), ast.unparse(ast.fix_missing_locations(made))
             if old != new:
                 line = lines[node.lineno - 1].strip()
-                found.append(Change(file, node.lineno, span, called, kind, old, new, line, at, number))
+                found.append(Change(file, node.lineno, span, called, old, new, line, at, number))
     return found
 
 
@@ -72,8 +64,7 @@ def changed(source: str, change: Change) -> ast.Module:
         parent = value[place] if place >= 0 else value
     field, place = change.at[-1]
     node = getattr(parent, field)[place] if place >= 0 else getattr(parent, field)
-    made = _of(node)[change.number][1](copy.deepcopy(node)) or ast.Pass()
-    ast.copy_location(made, node)
+    made = ast.copy_location(_of(node)[change.number], node)
     if place >= 0:
         getattr(parent, field)[place] = made
     else:
@@ -107,71 +98,39 @@ def _span(statement: ast.stmt) -> Span:
     return statement.lineno, max(last, statement.lineno)
 
 
-def _of(node: ast.AST) -> list[tuple[str, Make]]:
-    """The ways in which this node can be wrong."""
+def _of(node: ast.AST) -> list[ast.AST]:
+    """What may wrongly stand in this node's place; parts of the node itself are used again."""
     match node:
-        case ast.Constant(value=bool()):
-            return [("constant", lambda n: ast.Constant(not n.value))]
-        case ast.Constant(value=int()):
-            return [("constant", lambda n: ast.Constant(n.value + 1))]
-        case ast.Constant(value=float()):
-            return [("constant", lambda n: ast.Constant(n.value * FACTOR if n.value else 1.0))]
-        case ast.BinOp(op=op) if type(op) in OTHER and not _text(node):
-            ways: list[tuple[str, Make]] = [("operator", _operator), ("left alone", lambda n: n.left)]
-            return [*ways, ("right alone", lambda n: n.right)] if isinstance(op, (ast.Add, ast.Mult)) else ways
-        case ast.UnaryOp(op=ast.USub()) | ast.UnaryOp(op=ast.Not()):
-            return [("sign", lambda n: n.operand)]
-        case ast.Compare(ops=[op]) if type(op) in OPPOSITE:
-            return [("comparison", _comparison)]
-        case ast.BoolOp():
-            return [("operator", _junction)]
-        case ast.Call():
-            return _of_call(node)
-        case ast.AugAssign(op=op) if type(op) in OTHER:
-            return [("operator", _operator), ("dropped", lambda n: None)]
+        case ast.Constant(value=bool(value)):
+            return [ast.Constant(not value)]
+        case ast.Constant(value=int(value)):
+            return [ast.Constant(value + 1)]
+        case ast.Constant(value=float(value)):
+            return [ast.Constant(value * FACTOR if value else 1.0)]
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in OTHER and not _is_text(left, right):
+            ways: list[ast.AST] = [ast.BinOp(left, OTHER[type(op)](), right), left]
+            return [*ways, right] if isinstance(op, (ast.Add, ast.Mult)) else ways
+        case ast.UnaryOp(op=ast.USub() | ast.Not()):
+            return [node.operand]
+        case ast.Compare(left=left, ops=[op], comparators=right) if type(op) in OPPOSITE:
+            return [ast.Compare(left, [OPPOSITE[type(op)]()], right)]
+        case ast.BoolOp(op=op, values=values):
+            return [ast.BoolOp(ast.Or() if isinstance(op, ast.And) else ast.And(), values)]
+        case ast.Call(func=function, args=given, keywords=named):
+            name = function.id if isinstance(function, ast.Name) else ""
+            twin = [ast.Call(ast.Name(TWINS[name], ast.Load()), given, named)] if name in TWINS else []
+            swaps = 0 if name in ("min", "max", "isinstance") else len(given) - 1
+            orders = ([*given[:k], given[k + 1], given[k], *given[k + 2 :]] for k in range(swaps))
+            return [*twin, *(ast.Call(function, order, named) for order in orders)]
+        case ast.AugAssign(target=target, op=op, value=value) if type(op) in OTHER:
+            return [ast.AugAssign(target, OTHER[type(op)](), value), ast.Pass()]
         case ast.Expr(value=ast.Call()):
-            return [("dropped", lambda n: None)]
-        case ast.IfExp():
-            return [("left alone", lambda n: n.body), ("right alone", lambda n: n.orelse)]
+            return [ast.Pass()]
+        case ast.IfExp(body=body, orelse=other):
+            return [body, other]
     return []
 
 
-def _of_call(node: ast.Call) -> list[tuple[str, Make]]:
-    ways: list[tuple[str, Make]] = []
-    if isinstance(node.func, ast.Name) and node.func.id in TWINS:
-        ways.append(("operator", _twin))
-    if len(node.args) >= 2 and not (isinstance(node.func, ast.Name) and node.func.id in ("min", "max", "isinstance")):
-        ways += [("swapped", partial(_swap, k=k)) for k in range(len(node.args) - 1)]
-    return ways
-
-
-def _text(node: ast.BinOp) -> bool:
+def _is_text(*sides: ast.expr) -> bool:
     """Whether an operator joins texts or types instead of numbers."""
-    sides = (node.left, node.right)
     return any(isinstance(s, ast.Constant) and (s.value is None or isinstance(s.value, str)) for s in sides)
-
-
-def _operator(node: ast.BinOp | ast.AugAssign) -> ast.AST:
-    node.op = OTHER[type(node.op)]()
-    return node
-
-
-def _comparison(node: ast.Compare) -> ast.AST:
-    node.ops = [OPPOSITE[type(node.ops[0])]()]
-    return node
-
-
-def _junction(node: ast.BoolOp) -> ast.AST:
-    node.op = ast.Or() if isinstance(node.op, ast.And) else ast.And()
-    return node
-
-
-def _twin(node: ast.Call) -> ast.AST:
-    assert isinstance(node.func, ast.Name)
-    node.func.id = TWINS[node.func.id]
-    return node
-
-
-def _swap(node: ast.Call, k: int) -> ast.AST:
-    node.args[k], node.args[k + 1] = node.args[k + 1], node.args[k]
-    return node

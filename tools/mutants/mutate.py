@@ -136,7 +136,7 @@ def _coverage() -> dict[str, Any]:
     """
     read = sorted([*(ROOT / TESTS).rglob("*.py"), *PACKAGE.rglob("*.py")])
     digest = hashlib.sha256(b"\0".join(file.read_bytes() for file in read)).hexdigest()
-    if KEPT.exists() and (known := json.loads(KEPT.read_text(encoding="utf-8")))["of"] == digest:
+    if KEPT.exists() and (known := json.loads(KEPT.read_text(encoding="utf-8"))).get("of") == digest:
         return dict(known["tests"])
     print("finding which lines each test runs, with kernels as plain Python", flush=True)
     tests: dict[str, Any] = {}

@@ -66,10 +66,11 @@ class Draw(Random):
         return self.choice(WHOLES) if self.random() < 0.5 else self.randrange(256)
 
     def rows(self, n: int, columns: int) -> Float:
-        """(n, columns): about a metre each, or anything at all."""
+        """(n, columns): about a metre each, or anything at all; now and then all alike."""
         is_near = self.random() < 0.6
         cells = [self.gauss(0.0, 1.0) if is_near else self.number() for _ in range(n * columns)]
-        return np.array(cells, dtype=np.float64).reshape(n, columns)
+        rows = np.array(cells, dtype=np.float64).reshape(n, columns)
+        return rows if self.random() < 0.9 else np.repeat(rows[:1], n, axis=0)
 
     def quaternions(self, n: int) -> Float:
         return np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)) if self.random() < 0.6 else self.rows(n, 4)

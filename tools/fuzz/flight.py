@@ -11,15 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from drone_agent.config import SimulatedDroneConfig
 from drone_agent.guard.config import GuardConfig
 from drone_agent.guard.core import GuardCore
-from drone_agent.guarded import GuardedDrone
 from formation import topics
 from formation.config import LabConfig
 from formation.messages import Datagram, Event, LabFrame, Phase, RawFrame, Severity, Tick
 from gcs.alarms import EventMemory
-from gcs.core import GcsCore
 from gcs.live.daemon import Live
 from gcs.page.model import Model
 from mocap.core import MocapCore
@@ -41,20 +38,18 @@ SYSID = 2
 TARGET = Address(SYSID, DRONE_COMPONENT)
 BEAT = Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
 ASK_VERSION = CommandLong(TARGET, 512, (148.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-STEP_EVERY, REFLY_EVERY, FLOWN_EVERY = 10, 2000, 100
+STEP_EVERY, REFLY_EVERY = 10, 2000
 
 
 class Frames:
-    """Frames to the mocap process; what it and the bus let through is flown by ground, agent and bridge."""
+    """Frames of cameras to the mocap process, frames of that to the bus, and states of the ground to it."""
 
     def __init__(self, draw: Draw, counts: Counter[str]) -> None:
         self._draw, self._counts, self._now_ns = draw, counts, 10**12
         followers = [{"body": "left", "sysid": SYSID, "offset_m": (0.0, 1.0, 0.0)}]
         lab = LabConfig.model_validate({"leader": {"body": "lead"}, "followers": followers})
         self._bodies = tuple(v.body for v in lab.vehicles)
-        self._mocap, self._ground = MocapCore(lab), GcsCore(lab, self._now_ns)
-        agent = SimulatedDroneConfig(sysid=SYSID, body="left", pose="mocap")
-        self._agent, self._bridge = GuardedDrone(agent, self._now_ns), GuardCore(agent, self._now_ns)
+        self._mocap = MocapCore(lab)
         self._state = published(flying_lab())
 
     def feed(self) -> None:
@@ -69,12 +64,7 @@ class Frames:
         is_raw = draw.random() < 0.6
         frame = (draw.raw_frame if is_raw else draw.lab_frame)(bodies, self._now_ns)
         data = draw.noise() if draw.random() < 0.1 else draw.spoiled((RAW if is_raw else LAB).encode(frame))
-        taken = self._read(data)
-        if taken is not None:
-            self._counts["taken"] += 1
-            if self._counts["taken"] % FLOWN_EVERY == 0:
-                self._counts["flown"] += 1
-                self._fly(taken)
+        self._counts["taken"] += self._read(data) is not None
         self._mocap.events(self._now_ns)
         self._mocap.reject_log.due(self._now_ns)
 
@@ -89,7 +79,6 @@ class Frames:
             if frame is None:
                 return "a sound frame was not taken"
             if frame.seen.all():
-                self._fly(frame)
                 return ""
         return "sound frames were not believed"
 
@@ -102,15 +91,6 @@ class Frames:
         fault = lab_fault(frame, self._now_ns)
         assert raw is None or fault is None, fault
         return frame if fault is None else None
-
-    def _fly(self, frame: LabFrame) -> None:
-        self._ground.receive(frame, self._now_ns)
-        self._ground.tick(self._now_ns)
-        self._ground.state(self._now_ns)
-        self._agent.receive(frame, self._now_ns)
-        self._agent.tick(self._now_ns)
-        self._bridge.receive_frame(frame, self._now_ns)
-        self._bridge.tick(self._now_ns)
 
 
 class Ground:

@@ -50,18 +50,17 @@ class Size:
 
 def measure(root: Path = ROOT) -> Size:
     """The size of the tree under `root`."""
-    sources = {
-        path: path.read_text(encoding="utf-8") for name in PRODUCT for path in sorted((root / name).rglob("*.py"))
-    }
+    files = sorted(path for name in PRODUCT for path in (root / name).rglob("*.py"))
+    sources = {path: path.read_text(encoding="utf-8") for path in files}
     trees = {path: ast.parse(source) for path, source in sources.items()}
-    lines = sum(len(source.splitlines()) for source in sources.values())
+    lines = _lines(files)
     assigned = [s for tree in trees.values() for s in tree.body if isinstance(s, ast.Assign | ast.AnnAssign)]
     constants = sum(_constants(statement.value) for statement in assigned)
     loaded = _loaded_by_bridge(root)
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     return Size(
         product_lines=lines,
-        product_files=len(sources),
+        product_files=len(files),
         files_under_60_lines=sum(len(source.splitlines()) < 60 for source in sources.values()),
         bench_lines=_lines((root / "bench").rglob("*.py")),
         tools_lines=_lines((root / "tools").rglob("*.py")),

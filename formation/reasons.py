@@ -17,6 +17,10 @@ class Reason(Enum):
         return reason
 
     OUT_OF_TURN = "{} is for {}, this is {}{}"
+    # Who asks, in a lab with keys
+    NO_ROLE = "{} has no role: [security] operators names those who have"
+    BEYOND_ROLE = "the role {} of {} may not {}"
+    KEYS_REVOKED = "the keys of {} are revoked"
     # Arming
     NO_POSE = "{}: no fresh pose (last seen {})"
     TOO_NEAR = "{}: {:.2f} m from the next body, minimum is {:.2f} m"

@@ -18,7 +18,7 @@ from wire.process.system import NO_GROUND, NOT_RIGHT, REJECTED, own_name, prefer
 if TYPE_CHECKING:
     from wire.transport.lab_address import LabAddress
 
-Report = Callable[[bool | None, str], None]
+Report = Callable[[bool | None, str, Sequence[str]], None]
 _OPTIONS = ("--lab", "--name", "--timeout", "--identity")
 
 
@@ -51,19 +51,19 @@ def _stop(options: Mapping[str, str], insecure: bool, timeout_s: float | None, r
         if not options["--lab"] and wheres[0] != LabAddress():
             wheres.append(LabAddress())  # the ground that flies may be another lab's than the file's here
         for where in wheres:
-            code, accepted, text = _ask(where, options, insecure, timeout_s)
+            code, accepted, text, codes = _ask(where, options, insecure, timeout_s)
             if code != NO_GROUND:
                 break
     except (BusError, ConfigError) as error:
-        code, accepted, text = NOT_RIGHT, None, str(error)
-    report(accepted, text)
+        code, accepted, text, codes = NOT_RIGHT, None, str(error), ()
+    report(accepted, text, codes)
     return code
 
 
 def _ask(
     where: "LabAddress", options: Mapping[str, str], insecure: bool, timeout_s: float | None
-) -> tuple[int, bool | None, str]:
-    """The exit code, and the ground's answer: whether it stops, None for no answer that counts, and its text."""
+) -> tuple[int, bool | None, str, tuple[str, ...]]:
+    """The exit code, and the ground's answer: whether it stops, None for no answer that counts, its text and codes."""
     from wire.security.bus_access import connectable
     from wire.transport.stop_call import ask_to_stop
 
@@ -76,21 +76,21 @@ def _ask(
     try:
         reply = ask_to_stop(where.endpoints, where.lab, name, request, timeout_s, access)
     except TimeoutError as error:
-        return NO_GROUND, None, f"no ground answers: {error}"
+        return NO_GROUND, None, f"no ground answers: {error}", ()
     if exposed is not None:
         text = f"a stop was sent, but anybody may have answered it ({reply.text!r}): {exposed}"
-        return NOT_RIGHT, None, text
-    return 0 if reply.accepted else REJECTED, reply.accepted, reply.text
+        return NOT_RIGHT, None, text, ()
+    return 0 if reply.accepted else REJECTED, reply.accepted, reply.text, reply.codes
 
 
-def _print(accepted: bool | None, text: str) -> None:
+def _print(accepted: bool | None, text: str, _codes: Sequence[str]) -> None:
     """The ground's answer, or why there is none (None), for people."""
     prefix = {True: "", False: "refused: ", None: "gcs: "}[accepted]
     print(prefix + text, file=sys.stdout if accepted else sys.stderr)
 
 
-def _print_json(accepted: bool | None, text: str) -> None:
+def _print_json(accepted: bool | None, text: str, codes: Sequence[str]) -> None:
     """The same as the other commands print with `--json`."""
-    print(json.dumps({"error": text} if accepted is None else {"accepted": accepted, "text": text}))
+    print(json.dumps({"error": text} if accepted is None else {"accepted": accepted, "text": text, "codes": codes}))
     if accepted is None:
-        _print(accepted, text)
+        _print(accepted, text, codes)

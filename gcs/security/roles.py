@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from formation.config import LabConfig
 from formation.exposure import PAGE, identity_in
+from formation.reasons import Reason, Reject
 from formation.requests import OperatorReply, OperatorRequest
 from formation.security_config import MAY_ASK
 from wire.rejections import RejectionLog
@@ -31,21 +32,21 @@ def asker(request: OperatorRequest) -> str:
     return request.source.partition(" ")[0]
 
 
-def role_reject_reason(config: LabConfig, request: OperatorRequest) -> str:
-    """Why a request over the bus is rejected by who asks; empty where it may be made, and in a lab without keys."""
+def role_reject_reason(config: LabConfig, request: OperatorRequest) -> Reject | None:
+    """Why a request over the bus is rejected by who asks; None where it may be made, and in a lab without keys."""
     if config.security is None:
-        return ""
+        return None
     role = config.security.role_of(identity_in(asker(request)))
     if role is None:
-        return f"{asker(request)} has no role: [security] operators names those who have"
+        return Reason.NO_ROLE.of(asker(request))
     name, behind = asker(request), visitor(request)
     if behind and request.verb in MAY_ASK[role]:
         name, role = behind, config.security.operators.get(behind)
         if role is None:
-            return f"{name} has no role: [security] operators names those who have"
+            return Reason.NO_ROLE.of(name)
     if request.verb in MAY_ASK[role]:
-        return ""
-    return f"the role {role} of {name} may not {request.verb.command_name}"
+        return None
+    return Reason.BEYOND_ROLE.of(role, name, request.verb.command_name)
 
 
 def by_role(
@@ -57,13 +58,13 @@ def by_role(
     """
 
     def handle(request: OperatorRequest, reply: Reply) -> None:
-        reason = role_reject_reason(config, request)
+        reject = role_reject_reason(config, request)
         if names is not None and asker(request) not in names.known:
-            reason = f"the keys of {asker(request)} are revoked"
-        if not reason:
+            reject = Reason.KEYS_REVOKED.of(asker(request))
+        if reject is None:
             handler(request, reply)
             return
         rejections.note(request.source if visitor(request) else asker(request), BEYOND_ROLE, now_ns())
-        reply(OperatorReply(request.id, False, reason))
+        reply(OperatorReply(request.id, False, reject.text, (reject.reason.code,)))
 
     return handle

@@ -93,11 +93,11 @@ def practise(opened: Opened, how: ProcessOptions, seed: int | None, out: Path | 
     compile_for(scenario)
     with _own_link(opened, how) as lab:
         scenario = scenario.model_copy(update={"lab": lab})
-        waiting = practise_processes(
+        practice = practise_processes(
             scenario, _seed(seed, scenario), files, typer.echo, clock.Clock(how.speed), how.hosts
         )
         try:
-            asyncio.run(_interruptible(waiting))
+            asyncio.run(_interruptible(practice))
         except ProcessDied as error:
             fail(f"{error} (see {files.folder})", ABORTED)
 

@@ -112,8 +112,8 @@ class _Listener(event.Listener):
 
 def kernel_counts() -> tuple[int, int]:
     """How many kernels of the loaded modules are in the cache on disk, whoever compiled them; and of how many."""
-    places = {Path(d._cache._cache_file._index_path) for d in _dispatchers()}
-    return sum(place.exists() for place in places), len(places)
+    indexes = {Path(d._cache._cache_file._index_path) for d in _dispatchers()}
+    return sum(path.exists() for path in indexes), len(indexes)
 
 
 def _dispatchers() -> Iterator[Any]:
@@ -141,10 +141,10 @@ class _ByContent(UserProvidedCacheLocator):
     def get_suitable_cache_subpath(cls, py_file: str) -> str:
         """The module's path from the packages' folder on, and a digest of the content."""
         file = Path(py_file).absolute()
-        place = os.path.relpath(file.with_suffix(""), _PACKAGES)
-        if place.startswith(os.pardir):
-            place = os.path.join(hashlib.sha256(place.encode()).hexdigest()[:16], file.stem)
-        return f"{place}-{_digest(file)}"
+        path = os.path.relpath(file.with_suffix(""), _PACKAGES)
+        if path.startswith(os.pardir):
+            path = os.path.join(hashlib.sha256(path.encode()).hexdigest()[:16], file.stem)
+        return f"{path}-{_digest(file)}"
 
     def ensure_cache_path(self) -> None:
         """Make the folder; in a cache of this installation alone, what its module was made of earlier goes."""
@@ -177,8 +177,8 @@ def _imports(file: Path) -> tuple[Path, ...]:
     found = list[Path]()
     for module, names, whole in _IMPORT.findall(file.read_text(encoding="utf-8")):
         for root in (_PACKAGES, file.parent):
-            place = root.joinpath(*(module or whole).split("."))
-            candidates = [place.with_suffix(".py"), *(place / f"{name}.py" for name in _NAME.findall(names))]
+            path = root.joinpath(*(module or whole).split("."))
+            candidates = [path.with_suffix(".py"), *(path / f"{name}.py" for name in _NAME.findall(names))]
             found += [candidate for candidate in candidates if candidate.is_file()]
     return tuple(found)
 

@@ -4,7 +4,15 @@ from dataclasses import dataclass
 from enum import IntEnum, StrEnum, auto
 
 
-class Phase(IntEnum):
+class _Named(IntEnum):
+    """One whose members can be had by their names, as JSON has them."""
+
+    @classmethod
+    def _missing_(cls, value: object) -> "_Named | None":
+        return cls.__members__.get(value) if isinstance(value, str) else None
+
+
+class Phase(_Named):
     """Where the flight is; the whole swarm shares one phase (formation.safety.phases)."""
 
     GROUND = 0
@@ -16,7 +24,7 @@ class Phase(IntEnum):
     STOPPED = 6
 
 
-class Severity(IntEnum):
+class Severity(_Named):
     """MAV_SEVERITY's scale, the one every operator knows."""
 
     EMERGENCY = 0

@@ -5,13 +5,12 @@ was. Without arrays: operators' commands load it.
 """
 
 import json
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, is_dataclass
-from enum import Enum, IntEnum
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
 from functools import cache
-from operator import attrgetter, itemgetter
-from types import NoneType, UnionType
-from typing import Any, get_args, get_origin, get_type_hints
+from operator import attrgetter
+from typing import Any, get_type_hints
 
 from formation.codes import Cause, Phase, Severity
 from formation.requests import CONFIGURED
@@ -19,12 +18,8 @@ from wire.text import parse_object
 
 VERSION = 1
 """Of the schema; raised with every change of a key's meaning, and with every key that goes."""
-KNOWN_MOST = 64
-"""Of the types that a record's values have had: that many combinations are not looked at again."""
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
-Read = Callable[[Any], Any]
-"""Makes a value of its JSON; raises LookupError, TypeError or ValueError."""
 
 
 class StateError(ValueError):
@@ -209,16 +204,23 @@ def encode(state: GroundState) -> str:
 
 def decode(text: str) -> GroundState:
     """Decode a state; StateError names both versions where it is of another one, and JsonError says what is no JSON."""
+    from pydantic import ValidationError  # a command that shows no state does without
+
     values = _current(text)
-    read = _reader(GroundState)
-    assert read is not None
     try:
-        state: GroundState = read(values)
-    except (AttributeError, LookupError, TypeError, ValueError) as error:
-        raise StateError(
-            f"no state of a ground, though of version {VERSION}: {type(error).__name__}: {error}"
-        ) from error
+        state: GroundState = _adapter().validate_python(values)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise StateError(f"no state of a ground, though of version {VERSION}: {where}: {first['msg']}") from error
     return state
+
+
+@cache
+def _adapter() -> Any:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(GroundState)
 
 
 def _current(text: str) -> dict[str, Any]:
@@ -246,92 +248,5 @@ def _as_object(message: Any) -> dict[str, Any]:
 def _layout(kind: Any) -> tuple[tuple[str, ...], Callable[[object], tuple[Any, ...]], tuple[str, ...]]:
     """The names of a dataclass's fields, what gets their values, and the names of those that are IntEnums."""
     hints = get_type_hints(kind)
-    return tuple(hints), attrgetter(*hints), tuple(name for name, hint in hints.items() if _is(IntEnum, hint))
-
-
-def _kinds(hint: Any) -> frozenset[type]:
-    """The types that JSON may have for a value of that annotation."""
-    if hint in (bool, int, str):
-        return frozenset((hint,))
-    if hint is float:
-        return frozenset((float, int))
-    if get_origin(hint) is UnionType:
-        return frozenset((NoneType,)).union(*map(_kinds, get_args(hint)))
-    if _is(Enum, hint):
-        return frozenset((str,))
-    return frozenset((list,)) if get_origin(hint) is tuple else frozenset((dict,))
-
-
-@cache
-def _reader(hint: Any) -> Read | None:
-    """What reads a value of that annotation; None for a number or a text, which is as JSON has it."""
-    origin, parts = get_origin(hint), get_args(hint)
-    if hint in (bool, int, float, str, NoneType):
-        return None
-    if origin is UnionType:
-        some = next(filter(None, map(_reader, parts)), None)
-        return None if some is None else lambda value: None if value is None else some(value)
-    if origin is tuple and parts[-1] is ...:
-        items = _items_reader(parts[0])
-        return lambda value: tuple(items(value))
-    if origin is Mapping:
-        values = _items_reader(parts[1])
-        return lambda value: dict(zip(value, values(value.values()), strict=True))
-    if origin is tuple:
-        return _record_reader(parts, tuple)
-    if is_dataclass(hint):
-        return _dataclass_reader(hint)
-    enum: Read = hint.__getitem__ if _is(IntEnum, hint) else hint
-    return enum
-
-
-def _dataclass_reader(kind: Any) -> Read:
-    hints = get_type_hints(kind)
-    record = _record_reader(tuple(hints.values()), itemgetter(*hints))
-    return lambda value: kind(**dict(zip(hints, record(value), strict=True)))
-
-
-def _items_reader(hint: Any) -> Callable[[Iterable[Any]], list[Any]]:
-    """What reads values that all have that annotation."""
-    kinds, reader = _kinds(hint), _reader(hint)
-
-    def read(values: Iterable[Any]) -> list[Any]:
-        items = list(values)
-        _check({type(item) for item in items} <= kinds, hint)
-        return items if reader is None else [reader(item) for item in items]
-
-    return read
-
-
-def _record_reader(hints: tuple[Any, ...], get: Callable[[Any], tuple[Any, ...]]) -> Read:
-    """What reads values that have these annotations, in order. A call for each number would take ten times as long."""
-    kinds = tuple(map(_kinds, hints))
-    readers = [_reader(hint) for hint in hints]
-    nested = [(k, reader) for k, reader in enumerate(readers) if reader is not None]
-    known: set[tuple[type, ...]] = set()
-
-    def read(value: Any) -> tuple[Any, ...]:
-        values = get(value)
-        types = tuple(map(type, values))
-        if types not in known:
-            for hint, kind, allowed in zip(hints, types, kinds, strict=True):
-                _check(kind in allowed, hint)
-            if len(known) < KNOWN_MOST:
-                known.add(types)
-        if not nested:
-            return values
-        made = list(values)
-        for k, reader in nested:
-            made[k] = reader(made[k])
-        return tuple(made)
-
-    return read
-
-
-def _is(kind: type[Enum], hint: Any) -> bool:
-    return isinstance(hint, type) and issubclass(hint, kind)
-
-
-def _check(right: bool, hint: Any) -> None:
-    if not right:
-        raise TypeError(f"a value that is not of {hint}")
+    enums = (name for name, hint in hints.items() if isinstance(hint, type) and issubclass(hint, IntEnum))
+    return tuple(hints), attrgetter(*hints), tuple(enums)

@@ -1,8 +1,15 @@
-"""The operator's side of a real-time flight, against a bus of our own."""
+"""The operator's side of a real-time flight, against a bus of our own; and a flight's laboratory alone."""
 
 import asyncio
+import json
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, cast
+
+import pytest
 
 from sim.fly import operate
 from sim.script import Operator
@@ -33,3 +40,26 @@ def test_a_ground_that_is_slow_to_start_is_waited_for_and_it_is_said():
 
     asyncio.run(run())
     assert {words for _, words in said} == {"waiting for the ground to start"}
+
+
+BIN = Path(sys.executable).parent
+
+
+@pytest.mark.processes
+def test_a_ground_of_ones_own_finds_the_drones_of_a_practice_ready_to_arm(tmp_path: Path) -> None:
+    command = [BIN / "gcs-sim", "fly", "triangle_line", "--practice", "--speed", "0.35", "--out", tmp_path]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as practice:
+        assert practice.stdout is not None
+        while "gcs run lab.toml" not in practice.stdout.readline():
+            assert practice.poll() is None
+        # Whoever practises runs both at once; here the machine may have no time for it.
+        with subprocess.Popen([BIN / "gcs", "run", "lab.toml", "--speed", "0.35"], cwd=tmp_path) as ground:
+            failures = None
+            while failures != []:
+                assert ground.poll() is None
+                asked = [BIN / "gcs", "status", "--json"]
+                done = subprocess.run(asked, cwd=tmp_path, capture_output=True, text=True, check=False)
+                failures = json.loads(done.stdout).get("prearm_failures")
+            ground.send_signal(signal.SIGINT)
+        practice.send_signal(signal.SIGINT)
+    assert (practice.returncode, ground.returncode) == (0, 0)

@@ -15,10 +15,9 @@ import typer
 from formation.codes import Phase
 from formation.guidance.shape_request import ShapeRequest
 from formation.requests import CONFIGURED, GCS_NAME, OperatorReply, OperatorRequest, Verb
-from gcs.cli import completion
 from wire import clock
 from wire.errors import BusError, ConfigError
-from wire.process.program import Insecure, Json, Name, fail, print_error, with_options
+from wire.process.program import Insecure, Json, Name, fail, keys_of, lab_near, print_error, starting, with_options
 from wire.process.system import NO_GROUND, NOT_RIGHT, REJECTED, own_name
 from wire.transport.lab_address import address_near
 
@@ -46,6 +45,20 @@ Identity = Annotated[
 ]
 
 
+def offered_shapes(context: typer.Context, incomplete: str) -> list[str]:
+    """The named patterns, and the shapes of the lab file."""
+    from formation.guidance.patterns import PATTERNS  # loads arrays, which no command waits for
+
+    lab = lab_near(context.params.get("lab"))
+    return starting(dict.fromkeys((CONFIGURED, *PATTERNS, *keys_of(lab, "formation", "shapes"))), incomplete)
+
+
+def offered_trajectories(context: typer.Context, incomplete: str) -> list[str]:
+    """The leader's trajectories in the lab file."""
+    lab = lab_near(context.params.get("lab"))
+    return starting((CONFIGURED, *keys_of(lab, "leader", "trajectories")), incomplete)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Ground:
     """Which ground is asked, as whom, and how long its answer is awaited; None: as long as is usual."""
@@ -65,7 +78,7 @@ class _Shape(_Ground):
     shape_name: Annotated[
         str,
         typer.Argument(
-            metavar="NAME", help="Its name; a wrong one is answered by those known.", autocompletion=completion.shapes
+            metavar="NAME", help="Its name; a wrong one is answered by those known.", autocompletion=offered_shapes
         ),
     ]
     scale: Annotated[float, typer.Option(help="How much larger than usual.")] = 1.0
@@ -81,7 +94,7 @@ class _Trajectory(_Ground):
         typer.Argument(
             metavar="NAME",
             help="Its name in lab.toml; a wrong one is answered by those known.",
-            autocompletion=completion.trajectories,
+            autocompletion=offered_trajectories,
         ),
     ]
 

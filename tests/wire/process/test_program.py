@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from drone_agent.__main__ import _bodies, _profiles
-from gcs.cli.completion import shapes, trajectories
+from gcs.cli.operator import offered_shapes, offered_trajectories
 from sim.cli.app import _scenarios
 from wire.process.program import bodies_of, lab_near
 
@@ -30,9 +30,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_names_of_the_lab_file_are_offered(here: Path):
     meant = SimpleNamespace(params={"lab": str(here / "lab.toml")})
-    assert shapes(meant, "st") == ["stairs"]
-    assert "line" in shapes(meant, "")
-    assert trajectories(meant, "") == ["configured", "eight"]
+    assert offered_shapes(meant, "st") == ["stairs"]
+    assert "line" in offered_shapes(meant, "")
+    assert offered_trajectories(meant, "") == ["configured", "eight"]
     assert _bodies("l") == ["lead", "left"]
 
 

@@ -149,7 +149,8 @@ def _process(drones: list[dict[str, Any]], report: "EventSink", clock: Clock) ->
     from drone_agent.daemon import run
 
     agents = [parse(drone, SimulatedDroneConfig, source="drone-agent") for drone in drones]
-    _check_together(agents)
+    if len(agents) > 1:
+        _check_together(agents)
     return run(agents, report, clock)
 
 
@@ -157,10 +158,9 @@ def _merge(options: Options, file: Path | None) -> dict[str, Any]:
     """The file's configuration with the options given laid over it; ConfigError."""
     base = {} if file is None else _read(file)
     for key, value in _laid_over(options).items():
-        if isinstance(value, dict) and value:
-            base[key] = {**base.get(key, {}), **value}
-        elif value is not None and value != {}:
-            base[key] = value
+        if value is None or value == {}:
+            continue
+        base[key] = {**base.get(key, {}), **value} if isinstance(value, dict) else value
     return base
 
 
@@ -185,10 +185,7 @@ def _check_together(agents: "list[SimulatedDroneConfig]") -> None:
     for wrong, text in (
         (len(set(numbers)) < len(numbers), "sysid: each drone needs its own"),
         (len(set(files)) < len(files), "parameter_file: each drone needs its own"),
-        (
-            len(agents) > 1 and any(agent.keys is not None for agent in agents),
-            "keys: a drone with keys is a process of its own",
-        ),
+        (any(agent.keys is not None for agent in agents), "keys: a drone with keys is a process of its own"),
         (len({agent.lab for agent in agents}) > 1, "lab: the drones of one process are in one lab"),
     ):
         if wrong:

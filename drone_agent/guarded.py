@@ -37,7 +37,8 @@ class GuardedDrone:
         self.guards = [GuardCore(config, t0_ns, without=without)]
         """One; in a simulation of faults none, or two that were started by mistake."""
         self.autopilot = AgentCore(config, t0_ns, physics)
-        self._due_ns = t0_ns
+        self.due_ns = t0_ns
+        """`next_deadline_ns` as the last tick left it: right while nothing has arrived since."""
 
     def receive(self, message: Datagram | LabFrame | bytes, now_ns: int) -> None:
         """Receive the ground's datagram, a mocap frame or bytes of the autopilot. Never raises on what they hold."""
@@ -85,16 +86,11 @@ class GuardedDrone:
                     innovations += out.innovations
                     faults += out.faults
                     to_autopilot += out.to_autopilot
-        self._due_ns = due_ns
+        self.due_ns = due_ns
         return DroneOutgoing(
             tuple(datagrams), truth, tuple(events), parameters,
             tuple(innovations), tuple(faults), tuple(to_autopilot), tuple(unread),
         )  # fmt: skip
-
-    @property
-    def due_ns(self) -> int:
-        """`next_deadline_ns` as the last tick left it: right while nothing has arrived since."""
-        return self._due_ns
 
     def next_deadline_ns(self) -> int:
         """When `tick` is due if nothing arrives."""

@@ -95,7 +95,7 @@ class _Listener(event.Listener):
 
     def __init__(self, begun: Begun) -> None:
         self._begun = begun
-        self._kernels = _kernels()
+        self._kernels, self._indexes = _kernels(), _indexes()
         self._seen: set[str] = set()
 
     def on_start(self, event: Any) -> None:
@@ -103,7 +103,7 @@ class _Listener(event.Listener):
         name = f"{function.__module__}.{function.__qualname__}"
         if name in self._kernels and name not in self._seen:
             self._seen.add(name)
-            count = kernel_counts()[0] + 1
+            count = _count(self._indexes) + 1
             self._begun(name, count, max(count, len(self._kernels)))
 
     def on_end(self, event: Any) -> None:
@@ -112,8 +112,8 @@ class _Listener(event.Listener):
 
 def kernel_counts() -> tuple[int, int]:
     """How many kernels of the loaded modules are in the cache on disk, whoever compiled them; and of how many."""
-    indexes = {Path(d._cache._cache_file._index_path) for d in _dispatchers()}
-    return sum(path.exists() for path in indexes), len(indexes)
+    indexes = _indexes()
+    return _count(indexes), len(indexes)
 
 
 def _dispatchers() -> Iterator[Any]:
@@ -121,6 +121,16 @@ def _dispatchers() -> Iterator[Any]:
     loaded = [module for name, module in sys.modules.items() if not name.startswith("numba")]
     found = (v for module in loaded for v in vars(module).values() if isinstance(v, Dispatcher))
     return (v for v in found if not v.py_func.__module__.startswith("numba"))
+
+
+def _indexes() -> set[Path]:
+    """The files by which numba finds their machine code."""
+    return {Path(d._cache._cache_file._index_path) for d in _dispatchers()}
+
+
+def _count(indexes: set[Path]) -> int:
+    """How many of them are there: another process may compile beside this one."""
+    return sum(path.exists() for path in indexes)
 
 
 def _kernels() -> set[str]:
@@ -164,23 +174,24 @@ def _digest(file: Path) -> str:
         found = new.pop()
         if found not in known:
             known.add(found)
-            new += _imports(found)
+            new += _part(found)[1]
     state = hashlib.sha256()
     for each in sorted(known - {file}):
-        state.update(os.path.relpath(each, _PACKAGES).encode() + each.read_bytes())
-    return hashlib.sha256(state.digest() + file.read_bytes()).hexdigest()[:16]
+        state.update(os.path.relpath(each, _PACKAGES).encode() + _part(each)[0])
+    return hashlib.sha256(state.digest() + _part(file)[0]).hexdigest()[:16]
 
 
 @cache
-def _imports(file: Path) -> tuple[Path, ...]:
-    """The files of ours, or of its own folder, that a file imports, wherever in it."""
-    found = list[Path]()
-    for module, names, whole in _IMPORT.findall(file.read_text(encoding="utf-8")):
+def _part(file: Path) -> tuple[bytes, tuple[Path, ...]]:
+    """The digest of a file, and the files of ours, or of its own folder, that it imports, wherever in it."""
+    content, found = file.read_bytes(), list[Path]()
+    for module, names, whole in _IMPORT.findall(content.decode("utf-8")):
         for root in (_PACKAGES, file.parent):
             path = root.joinpath(*(module or whole).split("."))
-            candidates = [path.with_suffix(".py"), *(path / f"{name}.py" for name in _NAME.findall(names))]
+            names_in = _NAME.findall(names) if path.is_dir() else ()
+            candidates = [path.with_suffix(".py"), *(path / f"{name}.py" for name in names_in)]
             found += [candidate for candidate in candidates if candidate.is_file()]
-    return tuple(found)
+    return hashlib.sha256(content).digest(), tuple(found)
 
 
 def _cache_of_this_installation() -> Path:

@@ -13,6 +13,7 @@ from formation.maths.arrays import Float
 from formation.messages import OperatorRequest, Phase, Verb
 from formation.paper.eq2_relative_frame import lead_from_lab
 from formation.reasons import Reason, Reject
+from formation.safety.arming import FRESH_S
 from formation.safety.rules import Facts
 from gcs.finding import Grade
 from gcs.flight import Flight
@@ -21,7 +22,6 @@ from gcs.lab.keys import Keys
 
 TRACKING_M = 0.02  # by so much together two followers may miss their references before the separation filter is asked
 INSET_M = 0.2
-FRESH_S = 0.2
 SAMPLES = 200  # along the leader's path; a sample takes 15 us of a tick
 CHANGES = frozenset({Verb.SHAPE, Verb.TRAJECTORY})
 """What may be asked for that changes no phase."""

@@ -18,7 +18,6 @@ from gcs.drones.link_state import DroneLink
 from gcs.flight import Flight
 from gcs.safety import ARM_IN_AIR, ARM_OTHER_GROUND, Host
 
-FRESH_S = 0.2
 OPERATORS = (
     Trigger.ARM, Trigger.TAKE_CONTROL, Trigger.TAKEOFF, Trigger.START, Trigger.HOLD, Trigger.LAND, Trigger.STOP,
     Trigger.RESET,
@@ -47,7 +46,7 @@ def take_control_reject_reasons(
     armed = [drone for drone in drones if drone.link.armed]
     if not armed:
         return (Reason.NONE_ARMED.of(),)
-    unseen = [d for d in armed if not seen or facts.age_s[d.index] > FRESH_S]
+    unseen = [d for d in armed if not seen or facts.age_s[d.index] > arming.FRESH_S]
     reasons = [Reason.NO_POSE_TO_LEAD.of(drone.link.name) for drone in unseen]
     reasons += [reason for drone in armed for reason in prearm_failures(drone.link)]
     return (*reasons, *_other_grounds(others))

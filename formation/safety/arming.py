@@ -8,6 +8,7 @@ from formation.safety.rules import Facts, nearest, outside_box
 from formation.safety.rules_table import BATTERY_LOW, HEARTBEAT_S
 
 FRESH_S = 0.2
+"""A pose is fresh until it is so old: who has none neither arms nor is led, formed on or foreseen."""
 STILL_M_S = 0.3
 LEVEL_RAD = 0.35
 

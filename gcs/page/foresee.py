@@ -17,6 +17,7 @@ from formation.guidance.transition import assigned, require_separation, transiti
 from formation.maths.arrays import Float
 from formation.messages import Phase, Verb
 from formation.reasons import Reject
+from formation.safety.arming import FRESH_S
 from gcs.formation_change import (
     foreseen,
     leader_path_reject_reasons,
@@ -30,7 +31,6 @@ from gcs.page.scene import Point, about
 from wire.ground_state import DroneState, GroundState, ObservedBody
 
 PATH_POINTS = 60
-FRESH_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Coroutine
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -64,7 +64,12 @@ class Options:
         list[Path] | None,
         typer.Option(help="TOML file; other options win over it. Given again: one more drone in this process."),
     ] = None
-    lab: Annotated[str | None, typer.Option(help="Name of the lab: the root of its keys on the bus.")] = None
+    lab: Annotated[
+        str | None,
+        typer.Option(
+            help="The lab's file, LAB.TOML: with --body it says the rest. Or its name, the root of its keys on the bus."
+        ),
+    ] = None
     body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.", autocompletion=_bodies)] = None
     autopilot: Annotated[
         str | None, typer.Option("--autopilot", "--personality", help="px4 (if not given) or ardupilot.")
@@ -157,6 +162,9 @@ def _process(drones: list[dict[str, Any]], report: "EventSink", clock: Clock) ->
 def _merge(options: Options, file: Path | None) -> dict[str, Any]:
     """The file's configuration with the options given laid over it; ConfigError."""
     base = {} if file is None else _read(file)
+    if options.lab is not None and options.lab.endswith(".toml"):
+        base |= _of_lab(Path(options.lab), options.body or base.get("body"))
+        options = replace(options, lab=None)
     for key, value in _laid_over(options).items():
         if value is None or value == {}:
             continue
@@ -176,6 +184,30 @@ def _read(file: Path) -> dict[str, Any]:
     from drone_agent.config import SimulatedDroneConfig
 
     return load(file, SimulatedDroneConfig).model_dump(exclude_unset=True)
+
+
+def _of_lab(file: Path, body: str | None) -> dict[str, Any]:
+    """What a lab file says of one of its drones and of the bus; ConfigError."""
+    from formation.config import LabConfig
+    from wire.config_file import parse
+    from wire.files import read_toml
+    from wire.security.private_keys import keys_folder
+
+    lab = parse(read_toml(file), LabConfig, source=str(file))  # its own law is the ground's, and need not be here
+    drones = {vehicle.body: vehicle for vehicle in lab.vehicles if vehicle.sysid is not None}
+    drone = drones.get(body or "")
+    if drone is None:
+        raise ConfigError([f"{file}: --body {body or 'is missing'}: its drones are {', '.join(drones)}"])
+    keys = {} if lab.security is None else {"keys": keys_folder(lab.security.keys, file)}
+    return keys | {
+        "sysid": drone.sysid,
+        "lab": lab.name,
+        "body": drone.body,
+        "profile": drone.profile,
+        "profiles": [profile.model_dump() for profile in lab.profiles],
+        "origin": lab.origin,
+        "link": lab.link.joined.model_dump(),
+    }
 
 
 def _check_together(agents: "list[SimulatedDroneConfig]") -> None:

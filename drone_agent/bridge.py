@@ -12,6 +12,7 @@ from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
 from wire.process.daemon import Awaited, EventSink, Stop, report_missing
 from wire.process.progress import compile_all
+from wire.process.service_manager import READY, Watchdog, notify
 from wire.process.system import prefer_process
 from wire.rejections import RejectionLog
 from wire.security.bus_access import ExposedError
@@ -44,6 +45,7 @@ class _Pump:
         self._core = core
         self._report = report
         self._clock = clock
+        self._watchdog = Watchdog()
         self.timer = DeadlineTimer(self.turn, clock)
 
     def from_ground(self, datagram: Datagram) -> None:
@@ -65,6 +67,7 @@ class _Pump:
         """Send what is due and sleep until the next deadline."""
         now_ns = self._clock.monotonic_ns()
         out = self._core.tick(now_ns)
+        self._watchdog.feed(now_ns)
         for link, datagrams in ((self.autopilot, out.to_autopilot), (self.ground, out.to_ground)):
             if link is not None:
                 for datagram in datagrams:
@@ -94,6 +97,7 @@ async def run_bridge(config: BridgeConfig, report: EventSink, clock: Clock = REA
         MocapBus(bus, clock).on_frame(pump.from_mocap)
         pump.ground = await open_ground_link(config, bus, pump.from_ground, pump.rejections, protection)
         pump.turn()
+        notify(READY)
         awaited = (
             awaited_bus(config, bus),
             _awaited_autopilot(autopilot, config.sysid, core),

@@ -46,6 +46,7 @@ from wire.logs.mcap_write import LogWriter, record_dates
 from wire.process.daemon import Awaited, bus_at, report_missing
 from wire.process.deadline import Deadline
 from wire.process.output import lost_lines
+from wire.process.service_manager import READY, Watchdog, notify
 from wire.process.system import machine
 from wire.security.protection import INSECURE, LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
@@ -91,6 +92,7 @@ class Ground:
         self.log_file = LogFile(log.path.name)
         self.button_trouble = self.exposed = ""
         self._clock = clock
+        self._watchdog = Watchdog()
         self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
         self._spacing_s = 1.0 / config.mocap.rate_hz
         self.received_sysids: set[int] = set()
@@ -256,6 +258,7 @@ class Ground:
     def _tick(self, now_ns: int) -> None:
         """Tick, send, then record; the cycle of a frame ends when the last datagram was handed to its link."""
         outgoing = self._core.tick(now_ns)
+        self._watchdog.feed(now_ns)
         if self.links is not None:
             for datagram in outgoing.datagrams:
                 self.links.send(datagram)
@@ -386,9 +389,7 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             tasks.create_task(ground.publish_state(bus, name)),
             tasks.create_task(ground.watch_disk()),
             tasks.create_task(watch_record(lab_file, ground.receive_unmet, ground.booted_ns, ground.report, clock)),
-            tasks.create_task(
-                report_missing("ground", awaited_by_ground(config, bus, ground), ground.report, bus.others)
-            ),
+            tasks.create_task(_await_others(config, bus, ground)),
             tasks.create_task(bus.protection.attend(ground.report)),
             tasks.create_task(_have_mocap(config, lab_file, mocap, ground.report, clock, name)),
         ]
@@ -401,6 +402,12 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
             await ground.land()
         for service in services:
             service.cancel()
+
+
+async def _await_others(config: LabConfig, bus: ZenohBus, ground: Ground) -> None:
+    """Report what is missing; with frames and drones heard the ground is ready."""
+    await report_missing("ground", awaited_by_ground(config, bus, ground), ground.report, bus.others)
+    notify(READY)
 
 
 async def _have_mocap(

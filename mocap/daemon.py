@@ -28,6 +28,7 @@ from mocap.sources.source import Feed, SourceStatus
 from wire.clock import Clock
 from wire.ground_state import decode
 from wire.process.daemon import GROUND_REMEDY, Awaited, EventSink, Stop, bus_at, report_missing
+from wire.process.service_manager import READY, Watchdog, notify
 from wire.rejections import RejectionLog
 from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
@@ -121,8 +122,10 @@ class Mocap:
 
     async def watch(self, linger_s: float | None) -> None:
         """Publish events and the state; return when nobody has listened for `linger_s`, if given."""
+        watchdog = Watchdog()
         while True:
             now_ns = self._clock.monotonic_ns()
+            watchdog.feed(now_ns)
             for event in (*self._core.reject_log.due(now_ns), *self._core.events(now_ns), *self._newly_unknown()):
                 self.report(event)
             if now_ns - self._state_ns >= STATE_NS:
@@ -190,6 +193,7 @@ async def run(
             raise ServiceError(f"another mocap process serves {config.name!r} already")
         mocap = Mocap(config, mocap_bus, bus.rejections, outputs, clock)
         mocap_bus.announce(configuration_name(config))
+        notify(READY)
         bus.on_state(ground, mocap.receive_ground_state)
         gc.collect()
         gc.freeze()  # what start-up made lives as long as the process: collections between frames need not look at it

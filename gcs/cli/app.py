@@ -16,6 +16,7 @@ from formation.requests import GCS_NAME
 from gcs.cli import keys as keys_cli
 from gcs.cli import mocap as mocap_cli
 from gcs.cli import operator as operator_cli
+from gcs.cli import service as service_cli
 from gcs.cli.children import page_process
 from gcs.doctor import cli as doctor_cli
 from gcs.live import cli as live_cli
@@ -159,6 +160,7 @@ def buttons(as_json: Json = False) -> None:
 operator_cli.register(app)
 app.add_typer(mocap_cli.app, name="mocap")
 app.add_typer(keys_cli.app, name="keys")
+app.add_typer(service_cli.app, name="service")
 app.command()(live_cli.live)
 app.command()(doctor_cli.doctor)
 app.command()(doctor_cli.logs)

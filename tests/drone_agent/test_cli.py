@@ -3,14 +3,18 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from drone_agent.__main__ import app
+from drone_agent.__main__ import Options, _merge, app
+from drone_agent.bridge import BridgeConfig
+from formation.vehicle.profile import profile
 from tests.free_ports import free_port
+from wire.config_file import parse
 
 runner = CliRunner()
 
@@ -102,3 +106,48 @@ def test_a_bridge_says_what_it_waits_for_and_what_to_do() -> None:
     assert "--zenoh-connect tcp/HOST:7447" in told[0]
     assert "waiting for the autopilot at udp:127.0.0.1" in told[1]
     assert "waiting for the mocap's pose of 'left'" in told[2]
+
+
+LAB = """
+name = "barn"
+origin = [48.0, 11.0, 500.0]
+[link]
+zenoh_connect = ["tcp/192.168.1.20:7447"]
+[security]
+keys = "our-keys"
+[[profiles]]
+name = "ours"
+base = "px4_quad"
+mass_kg = 1.9
+[leader]
+body = "leader"
+[[followers]]
+body = "left"
+sysid = 7
+profile = "ours"
+offset_m = [-0.4, 0.4, 0.0]
+"""
+
+
+def test_a_lab_file_says_what_its_drone_is(tmp_path: Path) -> None:
+    """And options win over it."""
+    file = tmp_path / "lab.toml"
+    file.write_text(LAB)
+    options = Options(lab=str(file), body="left", bridge="serial:/dev/ttyACM0:921600")
+    config = parse(_merge(options, None), BridgeConfig, source="drone-agent")
+    assert (config.sysid, config.lab, config.body_name, config.origin[2]) == (7, "barn", "left", 500.0)
+    assert profile(config.profile, config.profiles).mass_kg == 1.9
+    assert config.link.zenoh_connect == ("tcp/192.168.1.20:7447",)
+    assert config.keys == tmp_path / "our-keys"
+    assert _merge(replace(options, sysid=8), None)["sysid"] == 8
+
+
+@pytest.mark.parametrize(
+    ("body", "words"), [(["--body", "leader"], "--body leader: its drones are left"), ([], "--body is missing: ")]
+)
+def test_a_body_that_is_no_drone_of_the_lab_is_named(body: list[str], words: str, tmp_path: Path) -> None:
+    file = tmp_path / "lab.toml"
+    file.write_text(LAB)
+    result = runner.invoke(app, ["--lab", str(file), *body])
+    assert (result.exit_code, len(result.output.splitlines())) == (2, 1)
+    assert f"{file}: {words}" in result.output

@@ -134,14 +134,15 @@ def _coverage() -> dict[str, Any]:
 
     A test that takes too long is in it without lines.
     """
-    read = sorted([*(ROOT / TESTS).rglob("*.py"), *PACKAGE.rglob("*.py")])
+    tests_read = sorted(file for folder in TESTS for file in (ROOT / folder).rglob("*.py"))
+    read = [*tests_read, *sorted(PACKAGE.rglob("*.py"))]
     digest = hashlib.sha256(b"\0".join(file.read_bytes() for file in read)).hexdigest()
     if KEPT.exists() and (known := json.loads(KEPT.read_text(encoding="utf-8"))).get("of") == digest:
         return dict(known["tests"])
     print("finding which lines each test runs, with kernels as plain Python", flush=True)
     tests: dict[str, Any] = {}
-    for file in sorted((ROOT / TESTS).rglob("test_*.py")):
-        if file.name == "test_kernel.py":  # it is about compiling
+    for file in tests_read:
+        if not file.name.startswith("test_") or file.name == "test_kernel.py":  # it is about compiling
             continue
         ours, theirs = FORK.Pipe(duplex=False)
         child = FORK.Process(target=_measure, args=(str(file.relative_to(ROOT)), theirs))

@@ -21,7 +21,8 @@ import pytest
 from pluggy import Result as Outcome
 
 ROOT = Path(__file__).resolve().parents[2]
-TESTS = "tests/formation"
+TESTS = ("tests/formation", "tests/drone_agent/guard")
+"""The guard's are those of formation/navigation."""
 FORK = get_context("fork")
 
 
@@ -191,7 +192,7 @@ def run_pytest(arguments: list[str], plugins: list[object]) -> int:
             "-p",
             "no:cacheprovider",
             "-Wignore::pytest.PytestAssertRewriteWarning",
-            f"--confcutdir={TESTS}",
+            f"--confcutdir={TESTS[0]}",
         )
         return int(pytest.main([*options, *arguments], plugins))
 

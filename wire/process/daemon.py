@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from formation.messages import Event, Severity
+from wire.process.service_manager import notify
 
 EventSink = Callable[[Event], None]
 """Where a daemon's events go."""
@@ -68,6 +69,7 @@ async def report_missing(
 ) -> None:
     """Report once what is missing and what to do, then when it is there; return when nothing is missing.
 
+    The service manager learns it, too.
     others: who of other labs is on the bus, in words; reported once, as long as something is missing.
     """
     await asyncio.sleep(PATIENCE_S)
@@ -76,6 +78,7 @@ async def report_missing(
         report(Event(Severity.NOTICE, source, f"waiting for {need.what}: {need.remedy}"))
     polls, there = 0, ""
     while missing:
+        notify(f"STATUS=waiting for {', '.join(need.what for need in missing)}")
         if not there and polls % _ASK_EVERY == 0 and (there := await others()):
             report(
                 Event(Severity.NOTICE, source, f"on the bus, but not of this lab: {there}. Is the lab's name right?")
@@ -85,6 +88,7 @@ async def report_missing(
         for need in [need for need in missing if need.is_there()]:
             missing.remove(need)
             report(Event(Severity.INFO, source, f"no longer waiting for {need.what}"))
+    notify("STATUS=everything that is awaited is there")
 
 
 STARVED = 3

@@ -35,7 +35,6 @@ from formation.messages import (
 )
 from formation.own_law.flight import OwnLaws
 from formation.own_law.law import Answer, LawGuard, unlimited
-from formation.reasons import Reject
 from formation.safety import rules
 from formation.safety.phases import STREAMING, Trigger
 from formation.safety.rules import Facts
@@ -43,15 +42,15 @@ from formation.topics import Topic
 from gcs import formation_change
 from gcs.alarms import ACKNOWLEDGED
 from gcs.drones.autopilot_poses import streams
-from gcs.drones.checks import warnings
 from gcs.drones.drone import Drone, Goal
 from gcs.drones.link_state import DroneLink
 from gcs.drones.packets import Packets
 from gcs.drones.protocols import COMMAND_RETRY_NS
 from gcs.drones.telemetry import NEVER_NS
 from gcs.facts import FactGatherer, Lateness, all_finite, measured_specific_forces
-from gcs.flight import Flight
-from gcs.permissions import Permissions, armed_text, done_text, landing_text
+from gcs.flight import Flight, armed_text, done_text
+from gcs.landing import takeover_text
+from gcs.permissions import Situation, allowed, parameter_warnings, reject_reasons
 from gcs.safety import SETPOINT_HOLD_OFF, STOP_REPEAT, Host, check_monitors
 from gcs.state import About, ground_state
 from wire.ground_state import Counters, GroundState, encode
@@ -106,7 +105,6 @@ class GcsCore:
         self._reinitialise_at_ns: int | None = None
         self._flight = Flight(config, self._drones, t0_ns)
         self._gatherer = FactGatherer(config, self._drones)
-        self._permissions = Permissions(config, self._drones, self._flight, self._host, without)
         self._rule_state = rules.start(len(config.vehicles))
         self._rules_on = rules.switched_on(without)
         self._lateness = Lateness()
@@ -215,17 +213,14 @@ class GcsCore:
 
     def state(self, now_ns: int) -> GroundState:
         """Everything an operator may want to see, but the host's part; reading it changes nothing."""
-        grounded = self.phase is Phase.GROUND
         facts = self._facts(now_ns)
-        reasons = self._permissions.arming(facts, now_ns) if grounded else ()
         about = About(
             t_s=(now_ns - self._t0_ns) * 1e-9,
             session=self._session,
             host=self._host,
             counters=self._counters(),
             rejected={b: rejection_text(c) for b, c in zip(self._bodies, self._rejected.tolist(), strict=True) if c},
-            arming_reject_reasons=reasons,
-            allowed=self._permissions.allowed(facts, self._stages, reasons, now_ns),
+            allowed=allowed(self._situation(facts, now_ns)),
         )
         return ground_state(self._flight, self._drones, facts, self._stages, self._config, about, now_ns)
 
@@ -287,12 +282,8 @@ class GcsCore:
         if request.verb is Verb.STATUS:
             return [OperatorReply(request.id, True, encode(self.state(now_ns)))]
         facts = self._facts(now_ns)
-        reasons = self._permissions.reject_reasons(request.verb, facts, self._stages, now_ns)
-        if not reasons and request.verb in formation_change.CHANGES:
-            reasons = formation_change.ask(request, self._flight, facts, self._stages, now_ns)
-        elif not reasons:
-            reject_reason = self._execute(request.verb, now_ns)
-            reasons = () if reject_reason is None else (reject_reason,)
+        reasons = reject_reasons(request.verb, self._situation(facts, now_ns))
+        reasons = reasons or formation_change.ask(request, self._flight, facts, self._stages, now_ns)
         if reasons:
             text = "; ".join(reject.text for reject in reasons)
             self._flight.events.append(
@@ -305,24 +296,26 @@ class GcsCore:
                 )
             )
             return [OperatorReply(request.id, False, text, tuple(reject.reason.code for reject in reasons))]
+        self._execute(request.verb, now_ns)
         if request.verb is Verb.ARM:
             self._arming_request = request.id
             return []
         return [OperatorReply(request.id, True, done_text(self._flight))]
 
-    def _execute(self, verb: Verb, now_ns: int) -> Reject | None:
-        """Execute a request; why it has no effect now, or None. `acknowledge` changes no phase."""
+    def _situation(self, facts: Facts, now_ns: int) -> Situation:
+        return Situation(self._config, self._drones, self._flight, self._host, self._without, facts, now_ns)
+
+    def _execute(self, verb: Verb, now_ns: int) -> None:
+        """Execute a request that nothing stands against. `acknowledge`, `shape` and `trajectory` change no phase."""
+        down = takeover_text(self._drones) if verb is Verb.TAKE_CONTROL else ""
         if verb is Verb.ACKNOWLEDGE:
             self._flight.events.append(ACKNOWLEDGED)
-            return None
-        is_takeover = verb is Verb.TAKE_CONTROL and self.phase is Phase.GROUND
-        down = landing_text(self._drones) if is_takeover else ""
-        if down:
-            return self._flight.pull(Trigger.LAND, Cause.LANDS_ITSELF, down, now_ns)
-        reject_reason = self._flight.pull(Trigger(verb.value), Cause.OPERATOR, f"operator: {verb}", now_ns)
-        if is_takeover and reject_reason is None:
-            self._stack, self._reinitialise_at_ns = self._fresh_stack(), now_ns + REINITIALISE_NS
-        return reject_reason
+        elif down:
+            self._flight.pull(Trigger.LAND, Cause.LANDS_ITSELF, down, now_ns)
+        elif verb not in (Verb.SHAPE, Verb.TRAJECTORY):
+            self._flight.pull(Trigger(verb.value), Cause.OPERATOR, f"operator: {verb}", now_ns)
+            if verb is Verb.TAKE_CONTROL:
+                self._stack, self._reinitialise_at_ns = self._fresh_stack(), now_ns + REINITIALISE_NS
 
     def _answer_arming(self, now_ns: int) -> list[OperatorReply]:
         request, flight = self._arming_request, self._flight
@@ -364,7 +357,7 @@ class GcsCore:
             drone.checked = True
             events += [
                 Event(Severity.WARNING, link.name, text, code=EventCode.PARAMETER, subject=name)
-                for name, text in warnings(link, self._feeds_pose)
+                for name, text in parameter_warnings(link, self._feeds_pose)
             ]
         return events
 

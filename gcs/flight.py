@@ -13,8 +13,7 @@ from formation.guidance.trajectory import Trajectory
 from formation.guidance.transition import Transition
 from formation.maths.arrays import Float
 from formation.messages import Cause, Event, EventCode, Phase, PhaseChange, Severity
-from formation.reasons import Reason, Reject
-from formation.safety.phases import AFTER_STOP, AIRBORNE, Trigger, advance, allowed_from
+from formation.safety.phases import AFTER_STOP, AIRBORNE, Trigger, advance
 from formation.safety.rules import Verdict
 from gcs.drones.drone import (
     STREAM_FIRST_NS,
@@ -112,27 +111,16 @@ class Flight:
             return None, 0.0
         return self.trajectory, (now_ns - self.trajectory_start_ns) * 1e-9
 
-    def out_of_turn(self, trigger: Trigger) -> Reject | None:
-        """Why the trigger means nothing now; None where it does."""
-        if advance(self.phase, trigger) is not None:
-            return None
-        names = ", ".join(phase.name for phase in allowed_from(trigger))
-        after = f": {AFTER_STOP}" if self.phase is Phase.STOPPED else ""
-        return Reason.OUT_OF_TURN.of(trigger, names, self.phase.name, after)
-
     @property
     def landing_end_ns(self) -> int | None:
         """When the landing that is going on is over at the latest; None where there is none."""
         return None if self._descent is None else self._descent.end_ns
 
-    def pull(self, trigger: Trigger, code: Cause, cause: str, now_ns: int) -> Reject | None:
-        """Change the phase; why the trigger means nothing now, or None. cause: the same as its code, in words."""
+    def pull(self, trigger: Trigger, code: Cause, cause: str, now_ns: int) -> None:
+        """Change the phase, if the trigger means anything in this one. cause: the same as its code, in words."""
         after = advance(self.phase, trigger)
-        if after is None:
-            return self.out_of_turn(trigger)
-        if after is not self.phase:
+        if after is not None and after is not self.phase:
             self._enter(after, code, cause, now_ns)
-        return None
 
     def judge(self, verdict: Verdict, rejected: Sequence[int], now_ns: int) -> None:
         """Apply the verdict of the safety rules. rejected: why the mocap rejects each body's pose (Rejection)."""
@@ -361,6 +349,21 @@ class Flight:
                 drone.setpoint, drone.descending = land_setpoint(drone.rest_z_m, flight.descend_m_s), True
             else:
                 drone.setpoint = aside_setpoint(float(spot[0]), float(spot[1]), flight.climb_m_s)
+
+
+def armed_text(flight: Flight, now_ns: int) -> str:
+    """The answer once every drone is armed: for how long they will be."""
+    first = flight.first_to_disarm(now_ns)
+    if first is None:
+        return "every drone is armed"
+    return f"every drone is armed; take off within {max(first[1] - TAKE_OFF_S, 0.0):.1f} s ({first[0]} disarms itself)"
+
+
+def done_text(flight: Flight) -> str:
+    """The answer to a request that was carried out at once."""
+    trajectory = f", trajectory {flight.trajectory_name}" if flight.config.leader.trajectories else ""
+    after = f"; {AFTER_STOP}" if flight.phase is Phase.STOPPED else ""
+    return f"phase {flight.phase.name}, shape {flight.shape.name}{trajectory}{after}"
 
 
 def _why_not_armed(drone: Drone) -> str:

@@ -13,8 +13,8 @@ from formation.maths.arrays import Float
 from formation.messages import OperatorRequest, Phase, Verb
 from formation.paper.eq2_relative_frame import lead_from_lab
 from formation.reasons import Reason, Reject
-from formation.safety.arming import FRESH_S
 from formation.safety.rules import Facts
+from formation.safety.rules_table import UNSEEN_S
 from gcs.finding import Grade
 from gcs.flight import Flight
 from gcs.lab.feasibility import judge_trajectory, trajectory_text
@@ -23,26 +23,29 @@ from gcs.lab.keys import Keys
 TRACKING_M = 0.02  # by so much together two followers may miss their references before the separation filter is asked
 INSET_M = 0.2
 SAMPLES = 200  # along the leader's path; a sample takes 15 us of a tick
-CHANGES = frozenset({Verb.SHAPE, Verb.TRAJECTORY})
-"""What may be asked for that changes no phase."""
-CHOOSING = (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD)
-"""Where the leader's trajectory may be chosen: it neither flies one nor waits for its slots to be taken."""
 
 
 def ask(
     request: OperatorRequest, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int
 ) -> tuple[Reject, ...]:  # fmt: skip
-    """Carry out a request of CHANGES, or say why not."""
-    if request.verb is Verb.SHAPE:
-        return change(request.argument, flight, facts, stages, now_ns)
-    return choose(request.argument, flight, facts, stages)
+    """What a start, a shape or a trajectory changes of the formation, or why it does not fit; else nothing.
+
+    Called where gcs.permissions allows the request.
+    """
+    match request.verb:
+        case Verb.START if stages is not None:
+            return start(flight, stages)
+        case Verb.SHAPE:
+            return change(request.argument, flight, facts, stages, now_ns)
+        case Verb.TRAJECTORY:
+            return choose(request.argument, flight, facts, stages)
+        case _:
+            return ()
 
 
-def start(flight: Flight, facts: Facts, stages: Stages | None, config: LabConfig) -> tuple[Reject, ...]:
+def start(flight: Flight, stages: Stages) -> tuple[Reject, ...]:
     """Form the flight's shape about the leader, or return why not: shape or transition would leave the fence."""
-    unseen = leader_reject_reasons(facts, config)
-    if unseen or stages is None:
-        return unseen
+    config = flight.config
     ahead = foreseen(flight.shape, _leader_pose(stages), None, 0.0, config)
     outside = leader_path_reject_reasons(ahead, config) + slot_reject_reasons(ahead, config)
     return outside or _set_out(flight.shape, flight, stages, config)
@@ -54,15 +57,12 @@ def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_
     In formation the followers set out at once. Else it is kept for the start, and judged above where the leader is, at
     the height of the take-off; or, while it is not seen, where the lab file expects it.
     """
-    config = flight.config
-    unseen, forming = leader_reject_reasons(facts, config), flight.phase is Phase.FORMATION
-    if forming and (unseen or stages is None):
-        return unseen
+    config, forming = flight.config, flight.phase is Phase.FORMATION
     try:
         shape = requested(asked, stages, config)
     except ValueError as error:
         return (Reason.NO_SHAPE.of(error),)
-    pose = _start_pose(unseen, stages, config, aloft=forming)
+    pose = _start_pose(facts, stages, config, aloft=forming)
     ahead = foreseen(shape, pose, *flight.trajectory_progress(now_ns), config)
     if reasons := slot_reject_reasons(ahead, config):
         return reasons
@@ -77,28 +77,15 @@ def choose(asked: str, flight: Flight, facts: Facts, stages: Stages | None) -> t
 
     On the ground at the height of the take-off, and while the leader is not seen from where the lab file expects it.
     """
-    if reasons := choice_reject_reasons(flight):
-        return reasons
     try:
         config = flight.lab.flying(asked)
     except ValueError as error:
         return (Reason.NO_TRAJECTORY.of(error),)
-    pose = _start_pose(leader_reject_reasons(facts, config), stages, config, aloft=flight.phase is Phase.HOLD)
+    pose = _start_pose(facts, stages, config, aloft=flight.phase is Phase.HOLD)
     ahead = foreseen(flight.shape, pose, None, 0.0, config)
     if reasons := trajectory_reject_reasons(ahead, config):
         return reasons
     flight.choose(asked, trajectory_text(config, ahead))
-    return ()
-
-
-def choice_reject_reasons(flight: Flight) -> tuple[Reject, ...]:
-    """Why no trajectory of the leader's can be chosen now, whichever it is."""
-    leader = flight.config.leader
-    if leader.sysid is None:
-        return (Reason.LEADER_OBSERVED.of(leader.body),)
-    if flight.phase not in CHOOSING:
-        names = ", ".join(phase.name for phase in CHOOSING)
-        return (Reason.OUT_OF_TURN.of(Verb.TRAJECTORY, names, flight.phase.name, ""),)
     return ()
 
 
@@ -145,13 +132,6 @@ def foreseen(shape: Shape, pose: Float, path: Trajectory | None, path_s: float, 
     path: None, if it has not begun; it then begins here.
     """
     return preview(trajectory_from(config, pose) if path is None else path, shape, pose, path_s, SAMPLES)
-
-
-def leader_reject_reasons(facts: Facts, config: LabConfig) -> tuple[Reject, ...]:
-    """Why nothing can be formed now: no leader to see."""
-    if facts.age_s[0] > FRESH_S:
-        return (Reason.LEADER_UNSEEN.of(config.leader.body),)
-    return ()
 
 
 def slot_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[Reject, ...]:
@@ -213,9 +193,9 @@ def _led_motion(stages: Stages, config: LabConfig) -> Float:
     return motion
 
 
-def _start_pose(unseen: tuple[Reject, ...], stages: Stages | None, config: LabConfig, aloft: bool) -> Float:
+def _start_pose(facts: Facts, stages: Stages | None, config: LabConfig, aloft: bool) -> Float:
     """Where the leader is when the formation is taken up: where it is, or while it is not seen is expected to be."""
-    pose = expected_start(config) if unseen or stages is None else _leader_pose(stages)
+    pose = expected_start(config) if stages is None or facts.age_s[0] > UNSEEN_S else _leader_pose(stages)
     if not aloft and config.leader.sysid is not None:
         pose[2] = config.flight.altitude_m
     return pose

@@ -68,6 +68,12 @@ def descent(drones: Iterable[Drone], config: LabConfig, begun_ns: int) -> Descen
     return Descent(begun_ns + round((descent_s + HAND_OVER_S) * 1e9), begun_ns + round((descent_s + END_S) * 1e9))
 
 
+def takeover_text(drones: Iterable[Drone]) -> str:
+    """Why drones under no ground can only be landed: the names of those that land already; empty where all fly."""
+    down = [drone.link.name for drone in drones if drone.is_coming_down]
+    return f"control taken to land: {', '.join(down)} on the floor, or landing already" if down else ""
+
+
 def late_text(drones: Iterable[Drone], now_ns: int) -> str:
     """With what a landing ends that has taken too long: which drones may have motors turning, and what is known."""
     left = [drone for drone in drones if not drone.piloted and not drone.is_landed]

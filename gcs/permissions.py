@@ -1,205 +1,297 @@
-"""Why the ground refuses what an operator asks, decided here for every verb; and what it answers."""
+"""May I? All that must hold before the ground does what an operator asks, in one table: `CONDITIONS`.
 
-from collections.abc import Iterable, Sequence
+Whether a shape, its transition or a trajectory fits into the fence is judged when it is asked for, by
+gcs.formation_change.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from math import isfinite
+from types import MappingProxyType
+
+import numpy as np
 
 from formation.config import LabConfig
-from formation.control.stack import Stages
 from formation.messages import Phase, Verb
 from formation.reasons import Reason, Reject
-from formation.safety import arming
-from formation.safety.phases import AFTER_STOP, Trigger
-from formation.safety.rules import Facts
-from formation.safety.rules_table import HEARTBEAT_S
-from gcs import formation_change
-from gcs.drones.checks import prearm_failures
+from formation.safety.phases import AFTER_STOP, Trigger, advance, allowed_from
+from formation.safety.rules import Facts, nearest, outside_box
+from formation.safety.rules_table import BATTERY_LOW, HEARTBEAT_S, UNSEEN_S
+from gcs.drones.autopilot_model import HOVER_WITHIN, ParameterRule
 from gcs.drones.drone import AIRBORNE_STATES, TAKE_OFF_S, Drone
 from gcs.drones.link_state import DroneLink
 from gcs.flight import Flight
 from gcs.safety import ARM_IN_AIR, ARM_OTHER_GROUND, Host
 
-OPERATORS = (
-    Trigger.ARM, Trigger.TAKE_CONTROL, Trigger.TAKEOFF, Trigger.START, Trigger.HOLD, Trigger.LAND, Trigger.STOP,
-    Trigger.RESET,
-)  # fmt: skip
-"""What an operator may pull, in the order of a flight."""
+STILL_M_S = 0.3
+LEVEL_RAD = 0.35
+CHOOSING = (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD)
+"""Where the leader's trajectory may be chosen: it neither flies one nor waits for its slots to be taken."""
 
 
-def flying(drones: Iterable[Drone]) -> tuple[Drone, ...]:
-    """Drones that are armed, or report that they are in the air."""
-    return tuple(drone for drone in drones if drone.link.armed or drone.link.telemetry.landed in AIRBORNE_STATES)
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """The facts by which a request is judged. without: monitors that are switched off."""
+
+    config: LabConfig
+    drones: tuple[Drone, ...]
+    flight: Flight
+    host: Host
+    without: frozenset[str]
+    facts: Facts
+    now_ns: int
+
+    @property
+    def flying(self) -> tuple[Drone, ...]:
+        """Drones that are armed, or report that they are in the air."""
+        return tuple(d for d in self.drones if d.link.armed or d.link.telemetry.landed in AIRBORNE_STATES)
+
+    @property
+    def unheard(self) -> tuple[Drone, ...]:
+        """Drones whose last heartbeat is too old."""
+        return tuple(drone for drone in self.drones if drone.link.heartbeat_age_s(self.now_ns) > HEARTBEAT_S)
 
 
-def arming_reject_reasons(up: Sequence[Drone], others: Sequence[str]) -> tuple[Reject, ...]:
-    """Why this ground must not arm the drones now: some may be flying, or belong to another ground."""
-    reasons = [_in_flight(drone.link) for drone in up]
-    return (*((Reason.FLYING.of(),) if up else ()), *reasons, *_other_grounds(others))
+Condition = Callable[[Situation], Iterable[Reject]]
+"""Named by what must hold; returns every reason for which it does not."""
 
 
-def take_control_reject_reasons(
-    drones: Sequence[Drone], facts: Facts, others: Sequence[str], seen: bool
-) -> tuple[Reject, ...]:  # fmt: skip
-    """Why this ground cannot take control; `land` and `stop` remain possible.
+def reject_reasons(verb: Verb, situation: Situation) -> tuple[Reject, ...]:
+    """Every reason against the request now; where it is for other phases, this one alone."""
+    phase = situation.flight.phase
+    if verb in _TRIGGERS and advance(phase, Trigger(verb)) is None:
+        after = f": {AFTER_STOP}" if phase is Phase.STOPPED else ""
+        return (_out_of_turn(verb, allowed_from(Trigger(verb)), phase, after),)
+    return tuple(reject for condition in CONDITIONS.get(verb, ()) for reject in condition(situation))
 
-    seen: whether there is an estimate of the drones' positions.
-    """
-    armed = [drone for drone in drones if drone.link.armed]
+
+def allowed(situation: Situation) -> dict[str, tuple[Reject, ...]]:
+    """By verb, in the order of a flight, every reason against it now."""
+    return {verb.value: reject_reasons(verb, situation) for verb in CONDITIONS}
+
+
+def nobody_flies(now: Situation) -> Iterator[Reject]:
+    """No drone is armed or in the air, under this ground or another."""
+    flying = () if ARM_IN_AIR in now.without else now.flying
+    if flying:
+        yield Reason.FLYING.of()
+    for link in (drone.link for drone in flying):
+        if link.armed:
+            yield Reason.ARMED_IN.of(link.name, link.mode)
+        else:
+            yield Reason.IN_AIR.of(link.name, link.telemetry.landed.name)
+
+
+def somebody_flies(now: Situation) -> Iterator[Reject]:
+    """Asked on the ground: some drone is armed, in the air or unheard."""
+    if now.flight.phase is Phase.GROUND and not now.unheard and not now.flying:
+        yield Reason.NONE_FLIES.of()
+
+
+def no_other_ground(now: Situation) -> Iterator[Reject]:
+    """No other ground is on the bus, and no drone answers one."""
+    if ARM_OTHER_GROUND in now.without:
+        return
+    answers = (d.link.name for d in now.drones if d.link.answers_other_ground(now.now_ns))
+    others = (*(f"ground {name}" for name in now.host.other_grounds), *(f"{n} answers another ground" for n in answers))
+    if others:
+        yield Reason.OTHER_GROUND.of(", ".join(others))
+
+
+def bodies_ready(now: Situation) -> Iterator[Reject]:
+    """Every body is seen and apart from the others; a drone is at rest inside the fence, level, heard and charged."""
+    facts, limits = now.facts, now.config.limits
+    fresh = facts.age_s <= UNSEEN_S
+    outside_m = outside_box(facts.pos_lab_m, limits.fence.low_m, limits.fence.high_m)
+    near_m = nearest(facts.pos_lab_m, fresh)
+    for i, name in enumerate(facts.names):
+        if not fresh[i]:
+            yield Reason.NO_POSE.of(name, _ago(facts.age_s[i]))
+        elif facts.commanded[i]:
+            yield from _pose_reasons(facts, i, float(outside_m[i]))
+        if near_m[i] < limits.min_separation_m:
+            yield Reason.TOO_NEAR.of(name, near_m[i], limits.min_separation_m)
+        if facts.commanded[i]:
+            yield from _link_reasons(facts, i)
+
+
+def _pose_reasons(facts: Facts, i: int, outside_m: float) -> Iterator[Reject]:
+    name = facts.names[i]
+    if outside_m > 0.0:
+        yield Reason.OUTSIDE_FENCE.of(name, outside_m)
+    if facts.tilt_rad[i] > LEVEL_RAD:
+        yield Reason.TILTED.of(name, np.degrees(facts.tilt_rad[i]))
+    if facts.speed_m_s[i] > STILL_M_S:
+        yield Reason.MOVING.of(name, facts.speed_m_s[i])
+
+
+def _link_reasons(facts: Facts, i: int) -> Iterator[Reject]:
+    name = facts.names[i]
+    if facts.heartbeat_age_s[i] > HEARTBEAT_S:
+        yield Reason.NO_HEARTBEAT.of(name, _ago(facts.heartbeat_age_s[i]))
+    if facts.battery[i] < BATTERY_LOW:
+        yield Reason.BATTERY_LOW.of(name, facts.battery[i])
+    if facts.duplicate[i]:
+        yield Reason.SYSID_TWICE.of(name)
+
+
+def _ago(age_s: float) -> str:
+    return f"{age_s:.1f} s ago" if isfinite(age_s) else "never"
+
+
+def autopilots_ready(now: Situation) -> Iterator[Reject]:
+    """Every autopilot is one that we know, ready to fly, with the parameters that a flight needs."""
+    for drone in now.drones:
+        yield from autopilot_reasons(drone.link)
+
+
+def autopilot_reasons(link: DroneLink) -> Iterator[Reject]:
+    """Every reason of one drone's link and parameters against flying it; the rules are the autopilot model's."""
+    if link.foreign_sysid is not None:
+        yield Reason.FOREIGN_DRONE.of(link.name, link.foreign_sysid, link.sysid)
+    if link.telemetry.heartbeat is None:
+        return  # `bodies_ready` reports a missing heartbeat
+    if link.model is None:
+        yield Reason.UNKNOWN_AUTOPILOT.of(link.name, link.telemetry.heartbeat.autopilot.name)
+        return
+    unready = link.model.unready(link.telemetry)
+    if unready:
+        yield Reason.AUTOPILOT_UNREADY.of(link.name, unready)
+    for name in link.awaiting_restart:
+        yield Reason.AWAITS_RESTART.of(link.name, name, restart_text(link))
+    for rule in link.model.rules:
+        if rule.rejects(link.parameters.values.get(rule.name)):
+            yield Reason.WRONG_PARAMETER.of(link.name, _parameter_text(link, rule))
+
+
+def log_written(now: Situation) -> Iterator[Reject]:
+    """The log is written in time."""
+    if now.host.log_trouble:
+        yield Reason.LOG.of(now.host.log_trouble)
+
+
+def stop_button_works(now: Situation) -> Iterator[Reject]:
+    """The stop button is there, where one is configured."""
+    if now.host.button_trouble:
+        yield Reason.STOP_BUTTON.of(now.host.button_trouble)
+
+
+def armed_drones_controllable(now: Situation) -> Iterator[Reject]:
+    """Some drone is armed; each that is has a fresh pose and a ready autopilot."""
+    armed = [drone for drone in now.drones if drone.link.armed]
     if not armed:
-        return (Reason.NONE_ARMED.of(),)
-    unseen = [d for d in armed if not seen or facts.age_s[d.index] > arming.FRESH_S]
-    reasons = [Reason.NO_POSE_TO_LEAD.of(drone.link.name) for drone in unseen]
-    reasons += [reason for drone in armed for reason in prearm_failures(drone.link)]
-    return (*reasons, *_other_grounds(others))
+        yield Reason.NONE_ARMED.of()
+    for drone in armed:
+        if now.facts.age_s[drone.index] > UNSEEN_S:
+            yield Reason.NO_POSE_TO_LEAD.of(drone.link.name)
+    for drone in armed:
+        yield from autopilot_reasons(drone.link)
 
 
-def land_reject_reasons(drones: Sequence[Drone], now_ns: int) -> tuple[Reject, ...]:
-    """Why nothing is left to land on the ground: every drone is heard, disarmed and not in the air."""
-    unheard = any(drone.link.heartbeat_age_s(now_ns) > HEARTBEAT_S for drone in drones)
-    return () if unheard or flying(drones) else (Reason.NONE_FLIES.of(),)
+def all_armed(now: Situation) -> Iterator[Reject]:
+    """Every drone has reported off-board mode and armed."""
+    if not now.flight.armed:
+        yield Reason.NOT_ARMED.of()
 
 
-def joining_reject_reasons(drones: Iterable[Drone], now_ns: int) -> tuple[Reject, ...]:
-    """Drones that do not follow this ground yet."""
-    return tuple(Reason.JOINING.of(drone.link.name) for drone in drones if drone.joining(now_ns))
+def time_to_lift_off(now: Situation) -> Iterator[Reject]:
+    """No drone disarms by itself before it has lifted off."""
+    for drone in now.drones:
+        left_s = drone.disarms_in_s(now.now_ns)
+        if left_s is not None and left_s < TAKE_OFF_S:
+            yield Reason.DISARMS_ITSELF.of(drone.link.name, left_s, TAKE_OFF_S)
 
 
-def landing_text(drones: Iterable[Drone]) -> str:
-    """Why the drones can only be landed: the names of those that are landing already; empty where all fly."""
-    down = [drone.link.name for drone in drones if drone.is_coming_down]
-    return f"control taken to land: {', '.join(down)} on the floor, or landing already" if down else ""
+def all_joined(now: Situation) -> Iterator[Reject]:
+    """Every drone that was taken over follows this ground."""
+    return (Reason.JOINING.of(drone.link.name) for drone in now.drones if drone.joining(now.now_ns))
 
 
-def other_grounds(drones: Iterable[Drone], on_bus: Iterable[str], now_ns: int) -> tuple[str, ...]:
-    """Every sign of another live ground: grounds on the bus, and drones that answer another ground."""
-    answers = (d.link.name for d in drones if d.link.answers_other_ground(now_ns))
-    return (*(f"ground {name}" for name in on_bus), *(f"{name} answers another ground" for name in answers))
+def leader_seen(now: Situation) -> Iterator[Reject]:
+    """The leader has a fresh pose."""
+    if now.facts.age_s[0] > UNSEEN_S:
+        yield Reason.LEADER_UNSEEN.of(now.config.leader.body)
 
 
-def _other_grounds(others: Sequence[str]) -> tuple[Reject, ...]:
-    return (Reason.OTHER_GROUND.of(", ".join(others)),) if others else ()
+def leader_seen_in_formation(now: Situation) -> Iterator[Reject]:
+    """In formation, the leader has a fresh pose."""
+    if now.flight.phase is Phase.FORMATION:
+        yield from leader_seen(now)
 
 
-def _in_flight(link: DroneLink) -> Reject:
-    if link.armed:
-        return Reason.ARMED_IN.of(link.name, link.mode)
-    return Reason.IN_AIR.of(link.name, link.telemetry.landed.name)
+def all_stopped(now: Situation) -> Iterator[Reject]:
+    """Every drone is heard and disarmed."""
+    for drone in now.drones:
+        if drone.link.armed:
+            yield Reason.ARMED.of(drone.link.name)
+    for drone in now.unheard:
+        age_s = drone.link.heartbeat_age_s(now.now_ns)
+        yield Reason.MAY_BE_ARMED.of(drone.link.name, f"last heard {_ago(age_s)}" if isfinite(age_s) else "never heard")
 
 
-def _too_late(drones: Sequence[Drone], now_ns: int) -> tuple[Reject, ...]:
-    """Who would disarm by itself before it has lifted off."""
-    left_s = [drone.disarms_in_s(now_ns) for drone in drones]
-    return tuple(
-        Reason.DISARMS_ITSELF.of(drone.link.name, left, TAKE_OFF_S)
-        for drone, left in zip(drones, left_s, strict=True)
-        if left is not None and left < TAKE_OFF_S
+def trajectory_choosable(now: Situation) -> Iterator[Reject]:
+    """The leader is a drone, and in a phase of CHOOSING."""
+    leader, phase = now.config.leader, now.flight.phase
+    if leader.sysid is None:
+        yield Reason.LEADER_OBSERVED.of(leader.body)
+    elif phase not in CHOOSING:
+        yield _out_of_turn(Verb.TRAJECTORY, CHOOSING, phase, "")
+
+
+def _out_of_turn(verb: Verb, phases: Iterable[Phase], phase: Phase, after: str) -> Reject:
+    return Reason.OUT_OF_TURN.of(verb, ", ".join(each.name for each in phases), phase.name, after)
+
+
+CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
+    {
+        Verb.ARM: (
+            nobody_flies, no_other_ground, bodies_ready, autopilots_ready, log_written, stop_button_works,
+        ),
+        Verb.TAKE_CONTROL: (armed_drones_controllable, no_other_ground),
+        Verb.TAKEOFF: (bodies_ready, autopilots_ready, all_armed, time_to_lift_off),
+        Verb.START: (all_joined, leader_seen),
+        Verb.HOLD: (),
+        Verb.LAND: (somebody_flies,),
+        Verb.STOP: (),
+        Verb.RESET: (all_stopped,),
+        Verb.SHAPE: (leader_seen_in_formation,),
+        Verb.TRAJECTORY: (trajectory_choosable,),
+    }
+)  # fmt: skip
+"""What must hold for each request, beside its phase (formation.safety.phases.TABLE), in the order of a flight."""
+_TRIGGERS = frozenset(verb for verb in Verb if verb.value in set(Trigger))
+
+
+def parameter_warnings(link: DroneLink, feeds_pose: bool) -> tuple[tuple[str, str], ...]:
+    """What is not as wanted but does not keep the drone on the ground: parameters that were read, and what is wrong.
+
+    feeds_pose: whether this ground sends the drone its pose.
+    """
+    if link.model is None:
+        return ()
+    known, applying = link.parameters.values, (r for r in link.model.rules if feeds_pose or not r.external_pose)
+    wrong = [r for r in applying if r.name in known and not r.holds(known[r.name]) and not r.rejects(known[r.name])]
+    return tuple((rule.name, _parameter_text(link, rule)) for rule in wrong) + _hover_warning(link)
+
+
+def _hover_warning(link: DroneLink) -> tuple[tuple[str, str], ...]:
+    used, expected = link.hover_thrust_norm, link.profile.hover_thrust_norm
+    if link.model is None or abs(used - expected) <= HOVER_WITHIN * expected:
+        return ()
+    name = link.model.table.hover_parameter
+    return ((name, f"{name} is {used:.2f}, the profile {link.profile.name} hovers at {expected:.2f}"),)
+
+
+def restart_text(link: DroneLink) -> str:
+    """Why a parameter that was set right keeps its drone on the ground, and what to do."""
+    return (
+        f"was changed and counts from a restart, which was not seen: restart the autopilot of drone {link.sysid} (off "
+        "for 3 s) while gcs run or gcs doctor runs; or, where it was, delete ...-restarts.toml beside the lab file"
     )
 
 
-def armed_text(flight: Flight, now_ns: int) -> str:
-    """What is said when every drone is armed: for how long they will be."""
-    first = flight.first_to_disarm(now_ns)
-    if first is None:
-        return "every drone is armed"
-    return f"every drone is armed; take off within {max(first[1] - TAKE_OFF_S, 0.0):.1f} s ({first[0]} disarms itself)"
-
-
-def done_text(flight: Flight) -> str:
-    """What is said of a request that was carried out at once."""
-    trajectory = f", trajectory {flight.trajectory_name}" if flight.config.leader.trajectories else ""
-    after = f"; {AFTER_STOP}" if flight.phase is Phase.STOPPED else ""
-    return f"phase {flight.phase.name}, shape {flight.shape.name}{trajectory}{after}"
-
-
-def reset_reject_reasons(drones: Sequence[Drone], now_ns: int) -> tuple[Reject, ...]:
-    """Why a stop is not over: whose motors are on, or may be."""
-    armed = tuple(Reason.ARMED.of(drone.link.name) for drone in drones if drone.link.armed)
-    return armed + tuple(
-        Reason.MAY_BE_ARMED.of(drone.link.name, _last_heartbeat(drone.link.heartbeat_age_s(now_ns)))
-        for drone in drones
-        if drone.link.heartbeat_age_s(now_ns) > HEARTBEAT_S
-    )
-
-
-def _last_heartbeat(age_s: float) -> str:
-    return f"last heard {age_s:.1f} s ago" if isfinite(age_s) else "never heard"
-
-
-class Permissions:
-    """What stands against a request now, given the facts; the flight's phase table refuses what is out of turn."""
-
-    def __init__(
-        self, config: LabConfig, drones: Sequence[Drone], flight: Flight, host: Host, without: frozenset[str]
-    ) -> None:  # fmt: skip
-        """without: monitors that are switched off."""
-        self._config = config
-        self._drones = drones
-        self._flight = flight
-        self._host = host
-        self._without = without
-
-    def reject_reasons(self, verb: Verb, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[Reject, ...]:
-        """Every reason against the verb."""
-        match verb, self._flight.phase:
-            case Verb.ARM, Phase.GROUND:
-                return self.arming(facts, now_ns)
-            case Verb.TAKE_CONTROL, Phase.GROUND:
-                others = self._other_grounds(now_ns)
-                return take_control_reject_reasons(self._drones, facts, others, stages is not None)
-            case Verb.LAND, Phase.GROUND:
-                return land_reject_reasons(self._drones, now_ns)
-            case Verb.RESET, Phase.STOPPED:
-                return reset_reject_reasons(self._drones, now_ns)
-            case Verb.TAKEOFF, Phase.ARMED:
-                not_armed = () if self._flight.armed else (Reason.NOT_ARMED.of(),)
-                return (*self._prearm_failures(facts), *not_armed, *_too_late(self._drones, now_ns))
-            case Verb.START, Phase.HOLD:
-                joining = joining_reject_reasons(self._drones, now_ns)
-                return joining or formation_change.start(self._flight, facts, stages, self._flight.config)
-            case _:
-                return ()
-
-    def allowed(
-        self, facts: Facts, stages: Stages | None, arming: Sequence[Reject], now_ns: int
-    ) -> dict[str, tuple[Reject, ...]]:  # fmt: skip
-        """By verb, every reason against it now, without expensive checks: a shape's fit and its transition are judged
-        when it is requested, or by the page. arming: the reasons against arming, where the swarm is on the ground."""
-        reasons: dict[str, tuple[Reject, ...]] = {}
-        for trigger in OPERATORS:
-            out_of_turn = self._flight.out_of_turn(trigger)
-            reasons[trigger.value] = (
-                (out_of_turn,) if out_of_turn else self._against(trigger, facts, stages, arming, now_ns)
-            )
-        reasons[Verb.TRAJECTORY.value] = formation_change.choice_reject_reasons(self._flight)
-        return reasons
-
-    def _against(
-        self, trigger: Trigger, facts: Facts, stages: Stages | None, arming: Sequence[Reject], now_ns: int
-    ) -> tuple[Reject, ...]:  # fmt: skip
-        if trigger is Trigger.ARM:
-            return tuple(arming)
-        if trigger is Trigger.START:
-            return (
-                *joining_reject_reasons(self._drones, now_ns),
-                *formation_change.leader_reject_reasons(facts, self._config),
-            )
-        return self.reject_reasons(Verb(trigger.value), facts, stages, now_ns)
-
-    def arming(self, facts: Facts, now_ns: int) -> tuple[Reject, ...]:
-        """Every reason not to arm; first of all, that drones may be flying already, under this ground or another."""
-        up = () if ARM_IN_AIR in self._without else flying(self._drones)
-        trouble, button = self._host.log_trouble, self._host.button_trouble
-        return (
-            *arming_reject_reasons(up, self._other_grounds(now_ns)),
-            *self._prearm_failures(facts),
-            *((Reason.LOG.of(trouble),) if trouble else ()),
-            *((Reason.STOP_BUTTON.of(button),) if button else ()),
-        )
-
-    def _prearm_failures(self, facts: Facts) -> tuple[Reject, ...]:
-        links = (reject for drone in self._drones for reject in prearm_failures(drone.link))
-        return (*arming.prearm_failures(facts, self._config.limits), *links)
-
-    def _other_grounds(self, now_ns: int) -> tuple[str, ...]:
-        if ARM_OTHER_GROUND in self._without:
-            return ()
-        return other_grounds(self._drones, self._host.other_grounds, now_ns)
+def _parameter_text(link: DroneLink, rule: ParameterRule) -> str:
+    found = link.parameters.values.get(rule.name)
+    if found is not None:
+        return f"{rule.name} is {found:g}, wanted {rule.wanted}: {rule.why}"
+    return f"{rule.name} is being read" if link.parameters.reading else f"{rule.name} could not be read: {rule.why}"

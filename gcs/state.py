@@ -11,10 +11,10 @@ from formation.config import LabConfig
 from formation.control.stack import Stages
 from formation.maths.arrays import Float, Scalars
 from formation.maths.frames import rotate_about_z
-from formation.messages import Phase
+from formation.messages import Phase, Verb
 from formation.reasons import Reject
-from formation.safety.arming import FRESH_S
 from formation.safety.rules import Facts
+from formation.safety.rules_table import UNSEEN_S
 from gcs.drones.drone import Drone
 from gcs.flight import Flight
 from gcs.safety import Host
@@ -28,8 +28,7 @@ FLOOR = 2
 class About:
     """The ground itself: the time since its start, s; its session; its host's report; its counters.
 
-    rejected: why the pose validator rejects a body now, by body. arming_reject_reasons: why it would not arm, while
-    on the ground.
+    rejected: why the pose validator rejects a body now, by body.
     allowed: by verb, every reason against it now; none where it may be asked.
     """
 
@@ -38,7 +37,6 @@ class About:
     host: Host
     counters: Counters
     rejected: Mapping[str, str]
-    arming_reject_reasons: tuple[Reject, ...]
     allowed: Mapping[str, tuple[Reject, ...]]
 
 
@@ -48,7 +46,7 @@ def ground_state(
 ) -> GroundState:  # fmt: skip
     """The whole state but the host's part, for people and scripts."""
     numbers = _Numbers(facts, stages, config)
-    start = flight.trajectory_from
+    start, arming = flight.trajectory_from, about.allowed[Verb.ARM] if flight.phase is Phase.GROUND else ()
     return GroundState(
         phase=flight.phase,
         cause=flight.cause,
@@ -82,7 +80,7 @@ def ground_state(
         ),
         leader_yaw_rad=numbers.leader_yaw_rad,
         rejected=about.rejected,
-        prearm_failures=tuple(reject.text for reject in about.arming_reject_reasons),
+        prearm_failures=tuple(reject.text for reject in arming),
         counters=about.counters,
     )
 
@@ -92,7 +90,7 @@ class _Numbers:
 
     def __init__(self, facts: Facts, stages: Stages | None, config: LabConfig) -> None:
         n = len(facts.names)
-        self.seen = seen = (facts.age_s <= FRESH_S).tolist()  # a longer extrapolation is no position
+        self.seen = seen = (facts.age_s <= UNSEEN_S).tolist()  # a longer extrapolation is no position
         self.pos = _seen_rows(facts.pos_lab_m, seen)
         self.q: list[Any] = [None] * n
         self.reference: list[Any] | None = None

@@ -25,11 +25,11 @@ from gcs.doctor.mavsdk_drone import (
 from gcs.doctor.mocap_checks import Received, check_mocap
 from gcs.doctor.restart_record import Unmet, unmet_ns
 from gcs.drones.autopilot_poses import AutopilotPoses, streams
-from gcs.drones.checks import restart_text
 from gcs.drones.link_state import DroneLink
 from gcs.drones.links import GroundLinks, open_links
 from gcs.drones.telemetry import ground_heartbeat
 from gcs.finding import Finding, Fix
+from gcs.permissions import restart_text
 from gcs.security.signing_probe import ASK_S, ASKS, SigningProbe
 from mocap.service import mocap_service
 from wire import clock

@@ -17,7 +17,7 @@ from formation.guidance.transition import assigned, require_separation, transiti
 from formation.maths.arrays import Float
 from formation.messages import Phase, Verb
 from formation.reasons import Reject
-from formation.safety.arming import FRESH_S
+from formation.safety.rules_table import UNSEEN_S
 from gcs.formation_change import (
     foreseen,
     leader_path_reject_reasons,
@@ -110,7 +110,7 @@ def _leader_pose(state: GroundState, config: LabConfig, aloft: bool) -> tuple[Fl
     everybody: tuple[ObservedBody | DroneState, ...] = (*state.observed, *state.drones)
     leader = next((one for one in everybody if one.body == config.leader.body), None)
     pos, yaw = None if leader is None else leader.pos_lab_m, state.leader_yaw_rad
-    if leader is None or pos is None or yaw is None or leader.age_s is None or leader.age_s > FRESH_S:
+    if leader is None or pos is None or yaw is None or leader.age_s is None or leader.age_s > UNSEEN_S:
         return expected_start(config), False
     z = pos[2] if aloft or config.leader.sysid is None else config.flight.altitude_m
     return np.array([pos[0], pos[1], z, yaw]), True

@@ -126,24 +126,21 @@ def _name_of(function: ast.expr) -> str:
     return function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
 
 
-REASON_FILES = (
-    "formation/safety/arming.py",
-    "gcs/drones/checks.py",
-)
-"""Modules that make parts of the reasons' texts."""
+REASON_FILE = "gcs/permissions.py"
+"""The module that makes parts of the reasons' texts."""
 
 
 def reasons() -> list[LoggedText]:
     """Why the ground rejects `arm`, `take-control` and the other commands."""
     texts = (normal(re.sub(r"\{[^}]*\}", GAP, reason.template)).removeprefix(f"{GAP}: ") for reason in Reason)
     found = {LoggedText("refusal", text, "formation/reasons.py") for text in texts if " " in text.strip(f"{GAP} :")}
-    for file in REASON_FILES:
-        tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
-        inside = {part for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
-        documented = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Constant | ast.JoinedStr) and node not in inside and id(node) not in documented:
-                found.update(LoggedText("refusal", t, file) for t in texts_in(node) if t.strip(f"{GAP} ,:").count(" "))
+    tree = ast.parse((ROOT / REASON_FILE).read_text(encoding="utf-8"))
+    inside = {part for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+    documented = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant | ast.JoinedStr) and node not in inside and id(node) not in documented:
+            texts = (text for text in texts_in(node) if text.strip(f"{GAP} ,:").count(" "))
+            found.update(LoggedText("refusal", text, REASON_FILE) for text in texts)
     return sorted(found)
 
 

@@ -142,9 +142,7 @@ class Ground:
         self._request_id += 1
         self._state_ns = None
         asked_id = request.id
-        self._pending_replies[self._request_id] = lambda answer: reply(
-            OperatorReply(asked_id, answer.accepted, answer.text)
-        )
+        self._pending_replies[self._request_id] = lambda answer: reply(replace(answer, id=asked_id))
         self._input(replace(request, id=self._request_id), now_ns)
         self._tick(now_ns)
 

@@ -14,16 +14,24 @@ import numpy as np
 from drone_agent.guard import estimate, position
 from drone_agent.guard.allow_list import POSES, READS, SETS_MODE, list_reject_reason
 from drone_agent.guard.config import GuardConfig
-from drone_agent.guard.estimate import BodyEstimate
-from drone_agent.guard.failsafe import ATTITUDE_LOSS, BACK, NEW_OWNER, REPORTS, STOPPED, THRUST_LOSS, pose_fault
-from drone_agent.guard.feed import BodyFeed
-from drone_agent.guard.hold import BodyHold
-from drone_agent.guard.inertial_stream import LACKS, InertialStream
+from drone_agent.guard.estimate import LACKS, BodyEstimate, BodyFeed, InertialStream
+from drone_agent.guard.failsafe import (
+    ATTITUDE_LOSS,
+    BACK,
+    NEW_OWNER,
+    REPORTS,
+    STEP_NS,
+    STOPPED,
+    THRUST_LOSS,
+    Takeover,
+    Turn,
+    pose_fault,
+)
 from drone_agent.guard.integrity import SIGNATURES
 from drone_agent.guard.navigator import Fault
+from drone_agent.guard.position import BodyHold
 from drone_agent.guard.setpoints import SETPOINTS, BodySetpoints, stamp_ms
 from drone_agent.guard.stages import MONITOR_OF, Stage, Trigger, switched_off
-from drone_agent.guard.takeover import STEP_NS, Takeover, Turn
 from formation.maths.arrays import Quat
 from formation.messages import Datagram, Event, Innovation, LabFrame, Severity
 from formation.vehicle.profile import profile

@@ -1,9 +1,11 @@
 """Where the bridge's body is and how it moves: the guard's navigator, fed by the autopilot's messages and the mocap.
 
-Times are of our monotonic clock. No bytes.
+`BodyEstimate` is the navigator of one body, `BodyFeed` checks its mocap poses and passes them on to the autopilot,
+`InertialStream` sees that the autopilot sends HIGHRES_IMU. Times are of our monotonic clock. No bytes.
 """
 
 import math
+from math import isfinite, nan
 from operator import mul
 from typing import NamedTuple
 
@@ -13,12 +15,26 @@ from drone_agent.guard.integrity import SIGNATURES, Signature
 from drone_agent.guard.navigator import SOURCES, Fault, Navigator
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.quaternion import thrust_axis
-from formation.messages import Innovation
+from formation.messages import Innovation, LabFrame
 from formation.navigation.receive import Input, RejectReason
 from formation.navigation.state import POS, SAMPLES, Airframe
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
-from wire.link_messages import AttitudeQuaternion, EkfStatus, EstimatorFlag, InertialSample
+from wire.clock_offset import TimeSyncClient
+from wire.link_messages import (
+    Address,
+    AttitudeQuaternion,
+    CommandAck,
+    CommandLong,
+    EkfStatus,
+    EstimatorFlag,
+    InertialSample,
+    MavCommand,
+    MessageId,
+    Result,
+    VisionPose,
+    command_long,
+)
 
 _ONE = np.array([0])
 _INNOVATION_NS = 100_000_000
@@ -240,3 +256,165 @@ def warm_up() -> None:
         navigator.receive_attitude(_ONE, t_ns, level, zero)
         navigator.receive_pose(_ONE, t_ns, 1e-4 * k * np.ones((1, 3)), level)
     navigator.predicted(0, 40_000_000)
+
+
+_POSE_NS = 20_000_000
+_DEAD_RECKONING_NS = 500_000_000
+"""Longest hold on the inertial sensors alone, unseen or with faulty poses: they drift by some centimetres."""
+_FROZEN_NS = 100_000_000
+"""So long repeated poses are taken for lost frames: ten at 100 Hz."""
+_LIFTED_M = 0.05
+"""Height above its stand with motors off: below, the floor disturbs the IMU, and no pose moves the drone."""
+
+
+class BodyFeed:
+    """One body's poses: each goes to its estimate, and to the autopilot unless the poses are rejected."""
+
+    def __init__(self, body: str, estimate: BodyEstimate, t0_ns: int) -> None:
+        self._body, self._estimate = body, estimate
+        self._index = 0
+        """Where the body was in the last frame."""
+        self._pose_due_ns = t0_ns
+        self._seen_ns: int | None = None
+        self._rejecting_ns: int | None = None
+        self._frozen_ns: int | None = None
+        self._floor_m = nan
+        self.stands = True
+        """Whether it was last seen within _LIFTED_M of where it stood with motors off."""
+
+    @property
+    def begun(self) -> bool:
+        """Whether the body was ever seen."""
+        return self._seen_ns is not None
+
+    @property
+    def is_rejecting(self) -> bool:
+        """Whether the poses are rejected: setpoints made from them are, too."""
+        return self._rejecting_ns is not None
+
+    def fresh(self, now_ns: int) -> bool:
+        """Whether it is known where the body is."""
+        return self._seen_ns is not None and now_ns - self._seen_ns < _DEAD_RECKONING_NS
+
+    def receive_frame(self, frame: LabFrame, now_ns: int, *, armed: bool) -> VisionPose | None:
+        """Receive a frame; returns the pose for the autopilot, at most fifty a second."""
+        bodies = frame.bodies
+        if self._index >= len(bodies) or bodies[self._index] != self._body:
+            if self._body not in bodies:
+                return None
+            self._index = bodies.index(self._body)
+        index = self._index
+        t_ns, pos, q = frame.t_capture_ns, frame.pos_lab_m[index], frame.q_lab_from_flu[index]
+        position_m = pos.tolist()
+        if not frame.seen[index] or not all(map(isfinite, position_m)) or not all(map(isfinite, q.tolist())):
+            return None
+        if not armed:
+            self._floor_m = position_m[2]
+        self.stands = not armed or (not self.is_rejecting and position_m[2] - self._floor_m <= _LIFTED_M)
+        reason = self._estimate.receive_pose(t_ns, pos, q, stands=self.stands)
+        if reason is RejectReason.FROZEN:
+            self._frozen_ns = self._frozen_ns or now_ns
+        elif reason is RejectReason.NONE:
+            self._frozen_ns = None
+        self.check(now_ns)
+        if self._rejecting_ns is not None or reason is not RejectReason.NONE:
+            return None
+        self._seen_ns = now_ns
+        if now_ns < self._pose_due_ns:
+            return None
+        self._pose_due_ns = max(self._pose_due_ns + _POSE_NS, now_ns)  # a steady 50 Hz out of frames that jitter
+        return VisionPose(t_ns // 1000, pos, q)
+
+    def check(self, now_ns: int) -> str:
+        """Why the poses are rejected now, empty where they are not; after every input of the estimate."""
+        fault = self._estimate.pose_fault
+        if not fault and self._frozen_ns is not None and now_ns - self._frozen_ns >= _FROZEN_NS:
+            fault = "pose frozen"
+        self._rejecting_ns = (self._rejecting_ns or now_ns) if fault else None
+        return fault
+
+
+_LISTEN_NS = 1_500_000_000  # before it is asked for: the autopilot may send it anyhow
+_ASK_NS = 1_000_000_000
+_SHARE = 0.4  # of the rate wanted: what comes more slowly is asked for
+_LONGEST_NS = 20_000_000  # between samples that nobody asked for: beyond, some were lost
+_PATIENCE_NS = 5_000_000_000  # of requests, before the report that the stream is missing
+LACKS = "No HIGHRES_IMU: slow pose drift is not detected"
+
+
+class InertialStream:
+    """The IMU stream of one autopilot; each sample goes to `estimate` with its time on our clock.
+
+    sync: the autopilot's clock.
+    """
+
+    def __init__(self, target: Address, rate_hz: float, estimate: BodyEstimate, t0_ns: int) -> None:
+        """rate_hz: wanted; 0: none, and all passes as it comes."""
+        self._unasked, self._wanted = True, False
+        """Whether it came before anybody asked; whether the ground did."""
+        self._target, self._rate_hz = target, rate_hz
+        self._longest_ns = round(1e9 / rate_hz) if rate_hz > 0.0 else _LONGEST_NS
+        self._made_ns = t0_ns
+        self._estimate = estimate
+        self.sync = TimeSyncClient(target)
+        self.restarted(t0_ns)
+
+    @property
+    def passes(self) -> bool:
+        """Whether the ground is to hear it."""
+        return self._unasked or self._wanted
+
+    def receive_sample(self, sample: InertialSample, now_ns: int) -> None:
+        """A sample came."""
+        self._count += 1
+        made_ns = self.sync.clock.made_ns(sample.t_boot_us * 1000, now_ns)
+        # The estimate takes a sample for the mean of the interval until its time: its middle is when that was so.
+        interval_ns, self._made_ns = min(max(made_ns - self._made_ns, 0), self._longest_ns), made_ns
+        self._estimate.receive_imu(made_ns - self._delay_ns + interval_ns // 2, sample)
+
+    def receive_attitude(self, attitude: AttitudeQuaternion, now_ns: int) -> None:
+        """An attitude came."""
+        made_ns = self.sync.clock.made_ns(attitude.t_boot_ms * 1_000_000, now_ns)
+        self._estimate.receive_attitude(made_ns, attitude)
+
+    def restarted(self, now_ns: int, delay_s: float = 0.0) -> None:
+        """The autopilot is new, or was: listen, then ask again. delay_s: its table's `inertial_delay_s`."""
+        self._delay_ns = round(delay_s * 1e9)
+        self.sync = TimeSyncClient(self._target)
+        self._asks_ns, self._count, self._rejected = now_ns + _LISTEN_NS, 0, self._rate_hz <= 0.0
+        self._lacks_ns: int | None = None
+        self._reported = self._rejected
+
+    def answered(self, ack: CommandAck) -> None:
+        """The autopilot answered a command of ours: what it does not know is not asked for again."""
+        if ack.command == MavCommand.SET_MESSAGE_INTERVAL and ack.result is not Result.ACCEPTED:
+            self._rejected = True
+
+    def due(self, now_ns: int) -> CommandLong | None:
+        """The request to send now, where too little comes."""
+        if self._rejected or now_ns < self._asks_ns:
+            return None
+        lacks = self._count < _SHARE * self._rate_hz * _ASK_NS * 1e-9
+        self._asks_ns, self._count = now_ns + _ASK_NS, 0
+        if not lacks:
+            self._lacks_ns = None
+            return None
+        self._lacks_ns = self._lacks_ns or now_ns
+        self._unasked = False
+        interval_us = 1e6 / self._rate_hz
+        return command_long(self._target, MavCommand.SET_MESSAGE_INTERVAL, float(MessageId.HIGHRES_IMU), interval_us)
+
+    def is_missing_report_due(self, now_ns: int) -> bool:
+        """Whether to report now, once, that the stream is missing."""
+        lacks = self._rejected or (self._lacks_ns is not None and now_ns - self._lacks_ns >= _PATIENCE_NS)
+        is_missing_report_due, self._reported = lacks and not self._reported, self._reported or lacks
+        return is_missing_report_due
+
+    def requested(self, command: CommandLong) -> bool:
+        """The ground sets a message's interval; whether that is this message's and ends here, as good as done."""
+        if command.command != MavCommand.SET_MESSAGE_INTERVAL or command.params[0] != MessageId.HIGHRES_IMU:
+            return False
+        interval_us = command.params[1]
+        self._wanted = interval_us >= 0.0
+        self._unasked = self._unasked and self._wanted
+        return not self._rejected and not 0.0 < interval_us <= 1e6 / self._rate_hz

@@ -6,9 +6,8 @@ from math import nan
 import numpy as np
 import pytest
 
-from drone_agent.guard.estimate import BodyEstimate
-from drone_agent.guard.feed import BodyFeed
-from drone_agent.guard.hold import BodyHold
+from drone_agent.guard.estimate import BodyEstimate, BodyFeed
+from drone_agent.guard.position import BodyHold
 from formation.maths.frames import from_rotation_vector
 from formation.messages import LabFrame
 from formation.vehicle.body import GRAVITY_M_S2

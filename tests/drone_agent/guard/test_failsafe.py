@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from drone_agent.autopilots.model import Task
-from drone_agent.guard.failsafe import StreamFailsafe
+from drone_agent.guard.failsafe import STEP_NS, StreamFailsafe, Takeover, Turn
 from drone_agent.guard.stages import Stage, Trigger
-from drone_agent.guard.takeover import STEP_NS, Takeover, Turn
 from formation.maths.frames import rotate
 from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, idle, target, tilt_rad
 from wire.autopilots.table import FlightMode

@@ -9,8 +9,7 @@ from scipy.signal import butter, lfilter
 from drone_agent.bridge import imu_rate_limit_hz
 from drone_agent.guard.config import GuardConfig
 from drone_agent.guard.core import GuardCore
-from drone_agent.guard.estimate import BodyEstimate
-from drone_agent.guard.inertial_stream import InertialStream
+from drone_agent.guard.estimate import BodyEstimate, InertialStream
 from formation.maths.arrays import Float
 from formation.messages import Datagram
 from formation.vehicle.profile import PROFILES

@@ -6,7 +6,7 @@ import pytest
 from drone_agent.guard.config import GuardConfig
 from drone_agent.guard.core import GuardCore
 from drone_agent.guard.estimate import BodyEstimate
-from drone_agent.guard.hold import BodyHold
+from drone_agent.guard.position import BodyHold
 from drone_agent.guard.setpoints import TILT_MAX_RAD
 from drone_agent.guard.stages import MONITORS, Stage
 from formation.maths.arrays import Vec3

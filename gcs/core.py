@@ -47,11 +47,19 @@ from gcs.drones.link_state import DroneLink
 from gcs.drones.packets import Packets
 from gcs.drones.protocols import COMMAND_RETRY_NS
 from gcs.drones.telemetry import NEVER_NS
-from gcs.facts import FactGatherer, Lateness, all_finite, measured_specific_forces
 from gcs.flight import Flight, armed_text, done_text
 from gcs.landing import takeover_text
 from gcs.permissions import Situation, allowed, parameter_warnings, reject_reasons
-from gcs.safety import SETPOINT_HOLD_OFF, STOP_REPEAT, Host, check_monitors
+from gcs.safety import (
+    SETPOINT_HOLD_OFF,
+    STOP_REPEAT,
+    FactGatherer,
+    Host,
+    Lateness,
+    all_finite,
+    check_monitors,
+    measured_specific_forces,
+)
 from gcs.state import About, ground_state
 from wire.ground_state import Counters, GroundState, encode
 from wire.lab_surroundings import law_of, printing_to_stderr

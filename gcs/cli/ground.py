@@ -11,7 +11,7 @@ from formation.config import LabConfig
 from formation.exposure import GROUND
 from formation.messages import Event, Severity
 from gcs.daemon import Ended, GroundFailure, run
-from gcs.lab.margins import judge_margins
+from gcs.lab.findings import judge_margins
 from gcs.warm_up import warm_up
 from mocap.service import ServiceError
 from wire.clock import Clock

@@ -11,13 +11,11 @@ from rich.console import Console
 from formation.config import LabConfig, VehicleBody
 from formation.guidance.preview import Preview
 from gcs.finding import Finding, Grade, as_dicts, failed
-from gcs.lab.drawing import drawn
+from gcs.lab.drawing import drawn, text_plan
 from gcs.lab.feasibility import peaks, trajectory_text
-from gcs.lab.findings import findings_of, line, of_grade, print_line
+from gcs.lab.findings import findings_of, judge_margins, line, of_grade, print_line
 from gcs.lab.judge import foreseen
-from gcs.lab.margins import judge_margins
 from gcs.lab.plan_svg import svg_plan
-from gcs.lab.plan_text import text_plan
 from wire.config_file import ConfigError, lines_of, load
 from wire.files import read_toml
 from wire.process.program import fail

@@ -1,5 +1,6 @@
-"""What is drawn of a lab from above, in metres of the lab; `plan_text` and `plan_svg` draw it."""
+"""A lab from above: what is drawn, in metres of the lab, and the drawing as plain text of 80 columns."""
 
+import string
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,3 +68,93 @@ def drawn(config: LabConfig, ahead: Preview) -> Drawing:
         swept=np.moveaxis(ahead.slots[:, :, 0, :2], 1, 0),
         min_separation_m=config.limits.min_separation_m,
     )
+
+
+COLUMNS, ROWS = 70, 24
+TALL = 2.0  # a character's height in its widths
+MARGIN = 8
+LEADER, OBSERVED, LEADER_PATH, SLOT_PATH, ORIGIN = "L", "O", "o", ".", "+"
+NAMES = string.digits[1:] + string.ascii_lowercase.replace("o", "") + string.ascii_uppercase.replace("L", "")
+BAR_M = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
+
+
+def text_plan(drawing: Drawing) -> str:
+    """The lab as lines of text: x forward is up, y left is to the left."""
+    sheet = _Sheet(drawing)
+    sheet.fence(drawing)
+    sheet.mark(np.zeros(2), ORIGIN)
+    for path in drawing.swept:
+        sheet.line(path, SLOT_PATH)
+    sheet.line(drawing.path, LEADER_PATH)
+    for name, slot in zip(_names(len(drawing.slots)), drawing.slots, strict=True):
+        sheet.mark(slot, name)
+    sheet.mark(drawing.leader, OBSERVED if drawing.observed else LEADER)
+    return "\n".join([*sheet.lines(), *_legend(drawing)])
+
+
+class _Sheet:
+    """Characters in rows; a point of the lab has a row and a column, or is beyond the sheet."""
+
+    def __init__(self, drawing: Drawing) -> None:
+        self._low, self._high = drawing.bounds
+        size = self._high - self._low
+        self.metres = max(float(size[1]) / (COLUMNS - 1), float(size[0]) / (TALL * (ROWS - 1)))
+        rows, columns = self._cell(self._low)
+        self._rows = [[" "] * (columns + 1) for _ in range(rows + 1)]
+
+    def _cell(self, point: Float) -> tuple[int, int]:
+        down, right = (self._high - point) / self.metres
+        return round(down / TALL), round(right)
+
+    def mark(self, point: Float, character: str) -> None:
+        """One character; nothing beyond the sheet."""
+        row, column = self._cell(point)
+        if 0 <= row < len(self._rows) and 0 <= column < len(self._rows[0]):
+            self._rows[row][column] = character
+
+    def line(self, points: Float, character: str) -> None:
+        """A path (k, 2), closely sampled."""
+        for point in points:
+            self.mark(point, character)
+
+    def fence(self, drawing: Drawing) -> None:
+        top, left = self._cell(np.array(drawing.high_m[:2]))
+        bottom, right = self._cell(np.array(drawing.low_m[:2]))
+        for row in range(top, bottom + 1):
+            edge = "+" if row in (top, bottom) else "|"
+            self._rows[row][left] = self._rows[row][right] = edge
+            if row in (top, bottom):
+                self._rows[row][left + 1 : right] = "-" * (right - left - 1)
+
+    def lines(self) -> list[str]:
+        """All rows, heights of x on the left, y below, and a bar that is so many metres long."""
+        middle = "x m" if len(self._rows) > 4 else ""
+        labels = {0: f"{self._high[0]:.1f}", len(self._rows) // 2: middle, len(self._rows) - 1: f"{self._low[0]:.1f}"}
+        drawn = [f"{labels.get(k, ''):>{MARGIN - 1}} {''.join(row)}".rstrip() for k, row in enumerate(self._rows)]
+        width = len(self._rows[0])
+        left, right = f"{self._high[1]:.1f}", f"{self._low[1]:.1f}"
+        below = left + "y m".center(max(width - len(left) - len(right), 3)) + right
+        bar_m = max((m for m in BAR_M if m / self.metres <= 0.4 * width), default=BAR_M[0])
+        bar = "|" + "-" * max(round(bar_m / self.metres) - 1, 1) + f"| {bar_m:g} m"
+        return [*drawn, " " * MARGIN + below, " " * MARGIN + bar]
+
+
+def _names(n: int) -> list[str]:
+    return [NAMES[k % len(NAMES)] for k in range(n)]
+
+
+def _legend(drawing: Drawing) -> list[str]:
+    """Who is who, a line full at a time."""
+    leader, *followers = drawing.bodies
+    who = f"{OBSERVED} {leader} (observed, taken to be here)" if drawing.observed else f"{LEADER} {leader}"
+    items = [who, *(f"{name} {body}" for name, body in zip(_names(len(followers)), followers, strict=True))]
+    items += [f"{LEADER_PATH} leader's path", f"{SLOT_PATH} slots' paths", f"{ORIGIN} origin"]
+    lines, line = [], ""
+    for item in items:
+        if line and len(line) + 2 + len(item) > COLUMNS:
+            lines.append(line)
+            line = ""
+        line = f"{line}  {item}" if line else item
+    lines.append(line)
+    legend = ["from above: x forward is up, y left is to the left", *lines, drawing.beyond]
+    return [" " * MARGIN + text for text in legend if text]

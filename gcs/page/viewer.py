@@ -15,7 +15,7 @@ from formation.guidance.shape_request import ShapeRequest
 from formation.messages import OperatorReply, Phase, Verb
 from formation.security_config import MAY_ASK, Role
 from gcs.alarms import severities
-from gcs.page import drawing, html
+from gcs.page import drawing
 from gcs.page.drawing import Stand, above, perspective
 from gcs.page.foresee import Foreseen
 from gcs.page.model import Model
@@ -81,7 +81,7 @@ class Viewer:
         stop.on("pointerdown", lambda: self.ask(Verb.STOP)).on("keydown.enter", lambda: self.ask(Verb.STOP))
         self._stopped = ui.html(sanitize=False).classes("stopped")
         if self.visitor is not None:
-            ui.html(html.visitor(self.visitor.name, self.visitor.role), sanitize=False).classes("notice visitor")
+            ui.html(drawing.visitor(self.visitor.name, self.visitor.role), sanitize=False).classes("notice visitor")
         self._control_status = ui.html(sanitize=False).classes("notice")
         with ui.element("div").classes("take") as self._take_control:
             ui.button("Take the control over", on_click=self._take_over, color=None).props("unelevated no-caps")
@@ -175,11 +175,11 @@ class Viewer:
         if self._answered is not None and self._beats - self._answered > ANSWER_FOR:
             self._show_answer("", True)
         self._beat.content = str(self._beats)
-        self._head.content, self._vital.content = html.head(shown), html.vital(shown)
-        self._table.content, self._lost.content = html.table(shown), html.lost(shown)
-        self._against.content = html.steps(shown, self.commands)
-        self._stopped.content = html.stopped(shown)
-        self._control_status.content = html.plain(model.control.status_text(self.name))
+        self._head.content, self._vital.content = drawing.head(shown), drawing.vital(shown)
+        self._table.content, self._lost.content = drawing.table(shown), drawing.lost(shown)
+        self._against.content = drawing.steps(shown, self.commands)
+        self._stopped.content = drawing.stopped(shown)
+        self._control_status.content = drawing.plain(model.control.status_text(self.name))
         self._take_control.set_visibility(self.may_command and not self.commands)
         allowed = {step.verb: step.allowed for step in shown.steps}
         for form in self._forms:
@@ -190,7 +190,7 @@ class Viewer:
         for verb, button in self._buttons.items():
             button.set_enabled(self.commands and self.may(verb) and allowed.get(verb, False) and not shown.lost)
         open_ = model.alarms.open
-        self._alarms.content = html.alarms(open_, model.alarms.latest)
+        self._alarms.content = drawing.alarms(open_, model.alarms.latest)
         self._alarm_count.text = severities(open_) or "no alarms"
         self._alarm_count.classes(replace="loud" if model.alarms.loud else "")
         self._seen.set_visibility(any(not alarm.acknowledged for alarm in open_))
@@ -210,7 +210,7 @@ class Viewer:
     def _show_answer(self, text: str, accepted: bool) -> None:
         self._answered = None
         self._answer.classes(replace="answer" if accepted else "answer refused")
-        self._answer.content = html.plain(text)
+        self._answer.content = drawing.plain(text)
 
     def _take_over(self) -> None:
         if not self.may_command:
@@ -252,7 +252,7 @@ class Viewer:
         form = self._previewing
         self._foreseen = None if form is None else form.foresee(form.asked())
         if form is not None and self._foreseen is not None:
-            form.preview.content = html.feasible(self._foreseen.text, "; ".join(self._foreseen.against))
+            form.preview.content = drawing.feasible(self._foreseen.text, "; ".join(self._foreseen.against))
 
     async def _ask_form(self, form: "Form") -> None:
         self._previewing, self._foreseen = None, None

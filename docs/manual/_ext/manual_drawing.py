@@ -22,7 +22,7 @@ STAGES: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
         "ground: estimate and law",
         (
             ("frame starts the tick", "gcs.core:GcsCore", "LabFrame in"),
-            ("what the drones reported", "gcs.facts:FactGatherer", "from gcs/drones/"),
+            ("what the drones reported", "gcs.safety:FactGatherer", "from gcs/drones/"),
             ("all stages in a row", "formation.control.stack:ControlStack", ""),
             ("observers, Eqs. (3)-(4)", "formation.estimation.update", "→ SwarmState"),
             ("leader as followed", "formation.guidance.followed_leader", ""),

@@ -7,7 +7,7 @@ import pytest
 
 from formation.messages import Event, Phase, Severity, Verb
 from gcs.alarms import ACKNOWLEDGED, EventMemory, ShownAlarms
-from gcs.page import drawing, html
+from gcs.page import drawing
 from gcs.page.drawing import Stand, above, perspective
 from gcs.page.foresee import shape, start
 from gcs.page.model import Control, Model
@@ -95,7 +95,7 @@ def test_a_table_row_has_a_cell_for_each_column_with_its_unit_and_marks_what_is_
     shown = show(flight[Phase.HOLD], None, 0.0)
     for name, unit, cell in zip(COLUMNS, UNITS, shown.rows[0], strict=True):
         assert unit or name == "id" or not cell.text.replace(".", "").isdigit(), name
-    assert '<th title="time since its heartbeat, s">heard<small>s</small></th>' in html.table(shown)
+    assert '<th title="time since its heartbeat, s">heard<small>s</small></th>' in drawing.table(shown)
     drone = flight[Phase.FORMATION].drones[1]
     cells = dict(zip(COLUMNS, row(drone, flying=True), strict=True))
     assert (cells["id"].text, cells["name"].text, cells["make"].text) == ("2", "left", "PX4")
@@ -122,18 +122,18 @@ def test_a_table_row_has_a_cell_for_each_column_with_its_unit_and_marks_what_is_
 
 def test_what_is_wrong_is_on_the_page_and_at_rest_nothing_is(flight):
     calm = show(flight[Phase.GROUND], None, 0.0)
-    assert "p-aloft" not in html.head(calm)
-    assert "not possible" not in html.steps(calm, True)
-    assert "Take control: no drone is armed" in html.steps(calm, True)
+    assert "p-aloft" not in drawing.head(calm)
+    assert "not possible" not in drawing.steps(calm, True)
+    assert "Take control: no drone is armed" in drawing.steps(calm, True)
     state = flight[Phase.GROUND]
     first, *others = state.drones
     against = {Verb.ARM: ("the stop button does not work: /dev/input/js0: gone",)}
     drones = (replace(first, armed=True), *others)
     ill = show(replace(state, not_landed=("left",), drones=drones, allowed={**state.allowed, **against}), None, 0.0)
-    assert "NOT KNOWN TO HAVE LANDED: left" in html.head(ill)
-    assert 'class="phase p-aloft"' in html.head(ill)
-    assert "Take control is not possible" in html.steps(ill, True)
-    assert "/dev/input/js0: gone" in html.steps(ill, True)
+    assert "NOT KNOWN TO HAVE LANDED: left" in drawing.head(ill)
+    assert 'class="phase p-aloft"' in drawing.head(ill)
+    assert "Take control is not possible" in drawing.steps(ill, True)
+    assert "/dev/input/js0: gone" in drawing.steps(ill, True)
 
 
 def test_silence_of_the_ground_is_shown_and_is_an_alarm_once(flight):
@@ -144,9 +144,9 @@ def test_silence_of_the_ground_is_shown_and_is_an_alarm_once(flight):
     assert model.show(13_000_000_000, 7.0).lost == "nothing heard of the ground for 3 s"
     model.show(14_000_000_000, 8.0)
     assert [(alarm.severity, alarm.times) for alarm in model.alarms.open] == [(Severity.CRITICAL, 1)]
-    assert "NO CONNECTION" in html.lost(model.show(14_000_000_000, 8.0))
+    assert "NO CONNECTION" in drawing.lost(model.show(14_000_000_000, 8.0))
     model.receive_state(encode(flight[Phase.HOLD]), 15_000_000_000)
-    assert html.lost(model.show(15_000_000_000, 9.0)) == ""
+    assert drawing.lost(model.show(15_000_000_000, 9.0)) == ""
 
 
 BATTERY = Event(
@@ -180,7 +180,7 @@ def test_the_severest_alarm_is_first_and_stays_until_it_is_acknowledged_and_over
     alarm = shown.open[0] if first == "acknowledged" else next(one for one in shown.open if one.text == OUTSIDE.text)
     assert (alarm.acknowledged, alarm.goes_on) == ((True, True) if first == "acknowledged" else (False, False))
     assert shown.loud is (first == "over")
-    assert ("goes on, acknowledged" in html.alarms(shown.open, ())) is (first == "acknowledged")
+    assert ("goes on, acknowledged" in drawing.alarms(shown.open, ())) is (first == "acknowledged")
     told.note(OUTSIDE.over() if first == "acknowledged" else ACKNOWLEDGED, 6_000_000)
     shown.receive_ground(published(told))
     assert [one.code for one in shown.open] == [BATTERY.code]

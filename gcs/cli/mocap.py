@@ -37,7 +37,7 @@ def serve(
     On a terminal it shows how the mocap is doing: rate, jitter, delay, losses; each body's gaps, noise and pose.
     `gcs run` starts one where none serves the lab. One that runs by itself outlives every ground.
     """
-    from mocap.cli import serve as serve_mocap  # loads a compiled kernel
+    from mocap.daemon import serve as serve_mocap  # loads a compiled kernel
     from wire.security.protection import lab_protection
 
     config = configuration(lab)

@@ -16,7 +16,7 @@ from formation.maths.arrays import Flags, Float, Quats, Vec3, Vec3s
 from gcs.finding import Finding, Grade, graded, unmeasured
 
 MOVED_M, TURNED_RAD = 0.1, np.radians(30.0)
-MILLIMETRES_M = 20.0
+FAR_MOVE_M = 20.0
 ALIGNED_RAD, YAW_WITHIN_RAD = np.radians(12.0), np.radians(12.0)
 LEAST_ALIKE = 0.8
 DIRECTIONS = ("forward", "left", "up")
@@ -66,7 +66,7 @@ def _check_drone(config: LabConfig, moves: Moves) -> Iterator[Finding]:
     why = f"the drone that was moved is {found} for the mocap: bodies are swapped"
     yield graded(name, "body name", found, name, mover == moves.vehicle, why)
     paths = np.stack([step[mover] for step in steps])
-    if float(np.abs(paths).max()) > MILLIMETRES_M:
+    if float(np.abs(paths).max()) > FAR_MOVE_M:
         size = f"{np.abs(paths).max():.0f} m by hand"
         yield Finding(name, "units", Grade.FAIL, size, "metres", "the mocap sends millimetres: set it to metres")
         paths = paths * 1e-3

@@ -48,15 +48,15 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
         case "csv" | "mcap":
             return Recording(config, deliver, lambda: bus.has_subscribers, feed)
         case "vrpn":
-            from mocap.sources.vrpn.client import vrpn_source
+            from mocap.sources.vrpn.session import vrpn_source
 
             return vrpn_source(config, feed)
         case "chingmu":
-            from mocap.sources.vrpn.client import chingmu_source
+            from mocap.sources.vrpn.session import chingmu_source
 
             return chingmu_source(config, feed)
         case "natnet":
-            from mocap.sources.natnet.client import NatNet
+            from mocap.sources.natnet.session import NatNet
 
             return NatNet(config, feed)
         case "qualisys":
@@ -64,7 +64,7 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
 
             return Qualisys(config.mocap.qualisys or QualisysConfig(), lab, latency_ns, feed)
         case "vicon":
-            from mocap.sources.vicon.session import Vicon
+            from mocap.sources.vicon import Vicon
 
             return Vicon(config.mocap.vicon or ViconConfig(), lab, latency_ns, feed)
         case "mavlink":

@@ -21,7 +21,7 @@ from formation.messages import Event
 from mocap.sources.natnet import packets
 from mocap.sources.natnet.packets import frame_of_data, rigid_bodies
 from mocap.sources.source import Feed
-from mocap.sources.vrpn.client import vrpn_source
+from mocap.sources.vrpn.session import vrpn_source
 from wire.clock import REAL_TIME
 from wire.rejections import RejectionLog
 

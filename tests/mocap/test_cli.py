@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 from formation.messages import Event, Severity
-from mocap.cli import LiveTable, mocap_view
+from mocap.daemon import LiveTable, mocap_view
 
 STATE: dict[str, Any] = {
     "source": "natnet", "server": "Motive 3.1 at 10.0.0.2", "connected": True, "lost": 3, "frames": 1200, "refused": 0,

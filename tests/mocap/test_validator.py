@@ -11,8 +11,7 @@ import pytest
 from formation.maths import frames
 from formation.messages import LabFrame, Rejection
 from mocap.core import MocapCore
-from mocap.judge import RECOVERY_FRAMES
-from mocap.validator import PoseValidator, StampWatch
+from mocap.validator import RECOVERY_FRAMES, PoseValidator, StampWatch
 from tests.mocap.test_retiming import Stream
 from tests.mocap.validator_rig import BODIES, MS, POSITIONS_LAB_M, T0_NS, TURNED, UPRIGHT, Fault, ValidatorRig, lab
 

@@ -10,11 +10,11 @@ STAGES: tuple[tuple[str, tuple[tuple[str, str, str], ...]], ...] = (
     (
         "mocap process",
         (
-            ("camera bytes → RawFrame", "mocap.sources.vicon.session", "and the other sources/"),
+            ("camera bytes → RawFrame", "mocap.sources.vicon", "and the other sources/"),
             ("check size, order", "mocap.core:MocapCore", ""),
             ("camera axes → lab, flu", "mocap.alignment", "RawFrame → LabFrame"),
             ("check capture time", "mocap.validator:PoseValidator", ""),
-            ("pose validator", "mocap.judge", "rejects impossible poses"),
+            ("pose validator", "mocap.validator", "rejects impossible poses"),
             ("publish on the bus", "wire.transport.mocap_bus:MocapBus", "LabFrame"),
         ),
     ),

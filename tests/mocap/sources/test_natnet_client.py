@@ -10,7 +10,7 @@ import pytest
 
 from formation.config import LabConfig
 from formation.messages import Event, RawFrame
-from mocap.sources.natnet.client import open_sockets
+from mocap.sources.natnet.session import open_sockets
 from mocap.sources.registry import open_source
 from mocap.sources.source import Feed
 from sim.cameras.servers.natnet import NatNetSettings, natnet_server

@@ -6,7 +6,7 @@ import pytest
 
 from formation.config import LabConfig
 from formation.mocap_config import CAMERA_SYSTEMS
-from mocap.sources.natnet.client import open_sockets
+from mocap.sources.natnet.session import open_sockets
 from sim.cameras.systems import OTHER_LOOPBACK, SOURCE_OF, lab_with, server_for
 from sim.ports import private_link
 from wire.clock import REAL_TIME

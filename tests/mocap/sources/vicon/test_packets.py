@@ -9,10 +9,9 @@ import pytest
 
 from formation.messages import RawFrame
 from formation.mocap_config import ViconConfig
+from mocap.sources import vicon as packets
 from mocap.sources.tcp import ProtocolError
-from mocap.sources.vicon import packets
-from mocap.sources.vicon.packets import Kind, Stream, packet_of
-from mocap.sources.vicon.session import Vicon
+from mocap.sources.vicon import Kind, Stream, Vicon, packet_of
 from tests.mocap.sources.recorded_feed import kept
 from tests.mocap.sources.vicon_bytes import FIRST, OFFER, PING, STREAM, UNCHANGED, WANT
 

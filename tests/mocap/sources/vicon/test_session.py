@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from formation.mocap_config import ViconConfig
+from mocap.sources import vicon as packets
 from mocap.sources.tcp import ProtocolError
-from mocap.sources.vicon import packets
-from mocap.sources.vicon.packets import Kind, packet_of
-from mocap.sources.vicon.session import Vicon, ViconSession
+from mocap.sources.vicon import Kind, Vicon, ViconSession, packet_of
 from tests.mocap.sources.recorded_feed import Kept, kept
 from tests.mocap.sources.vicon_bytes import FIRST, OFFER, PING, STREAM, UNCHANGED, WANT
 

@@ -3,8 +3,7 @@
 from typing import Any
 
 from formation.config import LabConfig
-from mocap.sources.vrpn.client import VrpnSource, chingmu_source, vrpn_source
-from mocap.sources.vrpn.session import VrpnSession
+from mocap.sources.vrpn.session import VrpnSession, VrpnSource, chingmu_source, vrpn_source
 from tests.mocap.sources.recorded_feed import Kept
 from wire.clock import REAL_TIME
 

@@ -10,8 +10,16 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.messages import Datagram, LabFrame
-from gcs.doctor.axes_checks import Moves, Snapshot, check_axes
-from gcs.doctor.drone_checks import DroneReport, check_drone, check_signing
+from gcs.doctor.checks import (
+    DroneReport,
+    Moves,
+    Received,
+    Snapshot,
+    check_axes,
+    check_drone,
+    check_mocap,
+    check_signing,
+)
 from gcs.doctor.mavsdk_drone import (
     DroneError,
     MavsdkPort,
@@ -22,7 +30,6 @@ from gcs.doctor.mavsdk_drone import (
     read_parameter,
     write_parameter,
 )
-from gcs.doctor.mocap_checks import Received, check_mocap
 from gcs.doctor.restart_record import Unmet, unmet_ns
 from gcs.drones.autopilot_poses import AutopilotPoses, streams
 from gcs.drones.link_state import DroneLink

@@ -8,7 +8,7 @@ import pytest
 from formation.config import LabConfig
 from formation.maths import frames
 from formation.messages import RawFrame
-from gcs.doctor.axes_checks import Moves, Snapshot, check_axes
+from gcs.doctor.checks import Moves, Snapshot, check_axes
 from gcs.finding import Finding, Grade
 from mocap.alignment import Alignment
 

@@ -7,8 +7,8 @@ import pytest
 
 from formation.config import LabConfig
 from formation.vehicle.profile import VehicleProfile, profile
+from gcs.doctor.checks import DroneReport, check_drone, refitted
 from gcs.doctor.cli import write_profile
-from gcs.doctor.drone_checks import DroneReport, check_drone, refitted
 from gcs.drones.autopilot_model import ARDUPILOT_MODEL, PX4_MODEL
 from gcs.finding import Finding, Fix, Grade, as_dicts
 from tests.gcs.fakes import COPTER_PARAMETERS, PX4_PARAMETERS

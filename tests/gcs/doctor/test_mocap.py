@@ -7,7 +7,7 @@ import pytest
 from formation.config import LabConfig
 from formation.maths import frames
 from formation.messages import RawFrame
-from gcs.doctor.mocap_checks import check_mocap
+from gcs.doctor.checks import check_mocap
 from gcs.finding import Finding, Grade
 from mocap.core import MocapCore
 

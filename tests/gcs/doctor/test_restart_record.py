@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, cast
 import pytest
 
 from formation.messages import Event, UnmetParameter
+from gcs.doctor.checks import check_drone
 from gcs.doctor.cli import _detect_restarts, _Fixing, note_fixes
-from gcs.doctor.drone_checks import check_drone
 from gcs.doctor.restart_record import note_unmet, read_record, record_path, watch_record
 from gcs.finding import Fix, Grade
 from tests.gcs.doctor.test_drone import GOOD

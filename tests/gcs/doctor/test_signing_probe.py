@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from formation.config import LabConfig
-from gcs.doctor.drone_checks import check_signing
+from gcs.doctor.checks import check_signing
 from gcs.doctor.survey import probe_signing
 from gcs.finding import Finding, Grade, failed
 from gcs.security.signing_probe import ASKS, ProbeOutcome, SigningProbe

@@ -1,21 +1,26 @@
 """The ground as a process: pumps frames, datagrams and requests into GcsCore and its output out. It decides nothing.
 
 A frame triggers the tick; a timer only watches for one that does not come. Any failure inside ends the process with
-its reason: setpoints stop, and every drone's guard holds and lands it by its own rule.
+its reason: setpoints stop, and every drone's guard holds and lands it by its own rule. `serve` is what `gcs run` does
+around it: margins, warm-up, the terminal, exit codes.
 """
 
 import asyncio
 import gc
+import json
 import os
 import signal
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import uvloop
 import zenoh
 
 from formation import topics
 from formation.config import LabConfig, LinkConfig, VehicleBody
+from formation.exposure import GROUND
 from formation.messages import (
     Datagram,
     Event,
@@ -35,20 +40,26 @@ from gcs.core import GcsCore
 from gcs.doctor.restart_record import watch_record
 from gcs.drones.autopilot_poses import AutopilotPoses
 from gcs.drones.links import GroundLinks, open_links
+from gcs.lab.findings import judge_margins
 from gcs.recording import Input, Recorder, run_metadata
 from gcs.security.roles import by_role
 from gcs.stop_button import watch_button
+from gcs.warm_up import warm_up
 from mocap.service import ServiceError, mocap_service
 from wire.clock import REAL_TIME, Clock, unix_us
+from wire.files import make_folder
 from wire.ground_state import Cycles, LogFile, encode
 from wire.logs.live import sharer
 from wire.logs.mcap_write import LogWriter, record_dates
 from wire.process.daemon import Awaited, bus_at, report_missing
 from wire.process.deadline import Deadline
 from wire.process.output import lost_lines
+from wire.process.program import fail, print_event, print_event_json
+from wire.process.progress import compile_all
 from wire.process.service_manager import READY, Watchdog, notify
-from wire.process.system import machine
-from wire.security.protection import INSECURE, LOOPBACK_ONLY, Protection
+from wire.process.system import NOT_LANDED, NOT_RIGHT, REJECTED, machine, prefer_process, raise_priority
+from wire.security.private_keys import keys_folder, read_operations
+from wire.security.protection import INSECURE, LOOPBACK_ONLY, Protection, lab_protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.stop_port import stop_ports
 from wire.transport.zenoh_bus import Reply, ZenohBus
@@ -464,3 +475,72 @@ def know_other_grounds(bus: ZenohBus, name: str, session: int, ground: Ground) -
 
     bus.declare_token(f"ground/{own}")
     bus.watch_tokens("ground/**", on_token)
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """The options of `gcs run`. force: fly a preset that the delay margin refuses; insecure: without keys.
+
+    priority: before other processes, in real time, where the machine allows it.
+    """
+
+    lab_file: Path
+    log: Path
+    name: str
+    metadata: dict[str, str]
+    force: bool
+    as_json: bool
+    insecure: bool
+    priority: bool
+    clock: Clock
+
+
+def serve(config: LabConfig, options: RunOptions) -> None:
+    """Run the ground until SIGINT or SIGTERM, then end the program with its exit code."""
+    log, name, as_json = options.log, options.name, options.as_json
+    report = print_event_json if as_json else print_event
+    report(Event(Severity.INFO, "ground", f"starting for lab {config.name!r}, log {log}"))
+    try:
+        protection = lab_protection(config.security, options.lab_file, GROUND, insecure=options.insecure)
+        compile_all("gcs", lambda: warm_up(config), sys.stderr)
+        reasons = "; ".join(f"{found.why} ({found.wanted})" for found in judge_margins(config))
+        if reasons and not options.force:
+            fail(f"refused: {reasons} (--force, for simulation only)", REJECTED)
+        make_folder(log.parent)
+        # After the compiler, before the threads that inherit it.
+        priority = raise_priority() if options.priority else prefer_process()
+        report(Event(Severity.INFO, "ground", f"priority: {priority}"))
+        metadata = options.metadata | _key_operations(config, options.lab_file) | {"priority": priority}
+        ended = uvloop.run(run(config, options.lab_file, log, name, metadata, report, options.clock, protection))
+    except ServiceError as error:
+        fail(str(error), error.code)
+    except ValueError as error:
+        fail(str(error), NOT_RIGHT)
+    except OSError as error:
+        fail(str(error), REJECTED)
+    except GroundFailure as error:
+        fail(f"the ground has failed and ends, the drones land by themselves: {error}", REJECTED)
+    _report(ended, log, as_json, priority)
+
+
+def _key_operations(config: LabConfig, lab_file: Path) -> dict[str, str]:
+    """For the log: what was done to the lab's keys."""
+    if config.security is None:
+        return {}
+    return {"key_operations": read_operations(keys_folder(config.security.keys, lab_file))}
+
+
+def _report(ended: Ended, log: Path, as_json: bool, priority: str) -> None:
+    timing = ended.timing
+    worst_ms = round(timing.worst_s * 1e3, 2)
+    if as_json:
+        summary = {
+            "phase": ended.phase.name, "cause": ended.cause, "not_landed": ended.not_landed,
+            "ticks": timing.ticks, "late_ticks": timing.late,
+            "worst_latency_ms": worst_ms, "priority": priority, "lost_records": ended.lost_records, "mcap": str(log),
+        }  # fmt: skip
+        print(json.dumps(summary))
+    else:
+        print(f"{timing.ticks} ticks, {timing.late} late, worst {worst_ms} ms; priority {priority}; log {log}")
+    if ended.not_landed:
+        fail(f"ended with {', '.join(ended.not_landed)} not known to have landed ({ended.cause})", NOT_LANDED)

@@ -11,20 +11,28 @@ from typing import Annotated
 
 import typer
 
-from formation.exposure import PAGE
+from formation.exposure import MOCAP, PAGE, TOOL, is_loopback
 from formation.requests import GCS_NAME
 from gcs.cli import keys as keys_cli
-from gcs.cli import mocap as mocap_cli
 from gcs.cli import operator as operator_cli
 from gcs.cli import service as service_cli
 from gcs.cli.children import page_process
 from gcs.doctor import cli as doctor_cli
-from gcs.live import cli as live_cli
 from wire import clock
 from wire.errors import ConfigError
 from wire.files import run_folder
 from wire.process.output import dropping_output
-from wire.process.program import Insecure, Json, LabFile, Name, Speed, configuration, fail, program
+from wire.process.program import (
+    DefaultCommand,
+    Insecure,
+    Json,
+    LabFile,
+    Name,
+    Speed,
+    configuration,
+    fail,
+    program,
+)
 from wire.process.system import NOT_RIGHT, REJECTED
 from wire.text import rows
 
@@ -61,7 +69,7 @@ def run(
     ] = False,
 ) -> None:
     """Run the ground: mocap in, control on every frame, setpoints out, everything recorded. Ctrl-C lands and ends."""
-    from gcs.cli.ground import Run, serve  # loads the compiled control, which the other commands do without
+    from gcs.daemon import RunOptions, serve  # loads the compiled control, which the other commands do without
     from gcs.lab.findings import approved
 
     config = approved(lab, as_json, insecure=insecure)
@@ -70,7 +78,7 @@ def run(
     metadata = {"link": config.link_kinds}
     metadata |= _tags(tag or [])
     with page_process(lab, name, speed, insecure) if page else nullcontext():
-        serve(config, Run(lab, path, name, metadata, force, as_json, insecure, priority, clock.Clock(speed)))
+        serve(config, RunOptions(lab, path, name, metadata, force, as_json, insecure, priority, clock.Clock(speed)))
 
 
 def _tags(items: list[str]) -> dict[str, str]:
@@ -157,11 +165,110 @@ def buttons(as_json: Json = False) -> None:
     print_presses(as_json)
 
 
+mocap_app = typer.Typer(
+    cls=DefaultCommand, no_args_is_help=True, rich_markup_mode=None,
+    help="Be the lab's mocap process (`gcs mocap lab.toml`), or `discover` camera systems.",
+)  # fmt: skip
+
+
+@mocap_app.command("serve")
+def serve_mocap(
+    lab: LabFile,
+    linger: Annotated[
+        float | None, typer.Option(min=0.0, help="End when nobody has listened for this many seconds.")
+    ] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE.mcap", help='Record the frames: a file for source "mcap".')
+    ] = None,
+    as_json: Json = False,
+    speed: Speed = 1.0,
+    name: Name = GCS_NAME,
+    insecure: Insecure = False,
+) -> None:
+    """Be the lab's mocap process: frames of its source in, aligned and checked frames onto the bus, until Ctrl-C.
+
+    On a terminal it shows how the mocap is doing: rate, jitter, delay, losses; each body's gaps, noise and pose.
+    `gcs run` starts one where none serves the lab. One that runs by itself outlives every ground.
+    """
+    from mocap.daemon import serve  # loads a compiled kernel
+    from wire.security.protection import lab_protection
+
+    config = configuration(lab)
+    try:
+        protection = lab_protection(config.security, lab, MOCAP, insecure=insecure)
+    except ConfigError as error:
+        fail(str(error), NOT_RIGHT)
+    serve(config, linger, record, as_json, clock.Clock(speed), name, protection)
+
+
+@mocap_app.command()
+def discover(
+    hosts: Annotated[list[str] | None, typer.Argument(help="Computers to ask directly, beside the network.")] = None,
+    wait: Annotated[float, typer.Option(min=0.1, max=30.0, help="How long answers are waited for, s.")] = 2.0,
+    as_json: Json = False,
+) -> None:
+    """Find camera systems: Motive and QTM answer by themselves; of the others the ports of HOSTS are tried."""
+    from mocap.discover import print_discovered
+
+    print_discovered(tuple(hosts or ()), wait, as_json)
+
+
+FORWARD = "ssh -L {port}:127.0.0.1:{port} USER@THIS-MACHINE from there, or, for simulation only, --insecure"
+
+
+@app.command()
+@dropping_output()
+def live(
+    lab: LabFile,
+    name: Name = GCS_NAME,
+    foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve Foxglove, by a WebSocket.")] = False,
+    rerun: Annotated[bool, typer.Option("--rerun", help="Open Rerun's viewer.")] = False,
+    host: Annotated[str, typer.Option(help="Where Foxglove is served.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="And on which port.")] = 8765,
+    save: Annotated[Path | None, typer.Option("--save", metavar="FILE.rrd", help="Rerun into a file instead.")] = None,
+    as_json: Json = False,
+    insecure: Insecure = False,
+) -> None:
+    """Stream the flight to Foxglove or Rerun while it is flown: the log's own channels, from the bus, until Ctrl-C.
+
+    A process of its own: the ground shares its log while somebody listens, and waits for nobody.
+    """
+    import asyncio  # here, as below: what an operator's command loads waits for none of it
+
+    from gcs.live import Foxglove, Rerun, Viewer, ViewerError, run
+    from wire.security.protection import lab_protection
+
+    if not (foxglove or rerun or save):
+        raise typer.BadParameter("say where to: --foxglove or --rerun")
+    if foxglove and not (insecure or is_loopback(host)):
+        fail(f"--host {host} is not this machine, and a viewer has no password: {FORWARD.format(port=port)}", NOT_RIGHT)
+    config = configuration(lab)
+    joined, viewers = config.link.joined, list[Viewer]()
+    try:
+        protection = lab_protection(config.security, lab, TOOL, insecure=insecure)
+        protection.bus.demand((*joined.zenoh_listen, *joined.zenoh_connect))  # before a viewer is opened
+        if foxglove:
+            viewers.append(Foxglove(host, port))
+            typer.echo(f"Foxglove: open connection ws://{host}:{viewers[-1].port}", err=True)  # type: ignore[attr-defined]
+        if rerun or save:
+            viewers.append(Rerun(None if save is None else str(save), [vehicle.body for vehicle in config.vehicles]))
+    except (ViewerError, ConfigError) as error:
+        fail(str(error), NOT_RIGHT)
+    except OSError as error:
+        fail(str(error), REJECTED)
+    try:
+        count = asyncio.run(
+            run(config.link, config.name, name, viewers, lambda text: typer.echo(text, err=True), protection)
+        )
+    except OSError as error:
+        fail(str(error), REJECTED)
+    typer.echo(json.dumps({"messages": count}) if as_json else f"{count} messages streamed")
+
+
 operator_cli.register(app)
-app.add_typer(mocap_cli.app, name="mocap")
+app.add_typer(mocap_app, name="mocap")
 app.add_typer(keys_cli.app, name="keys")
 app.add_typer(service_cli.app, name="service")
-app.command()(live_cli.live)
 app.command()(doctor_cli.doctor)
 app.command()(doctor_cli.logs)
 

@@ -17,7 +17,7 @@ from formation import topics
 from formation.config import LabConfig
 from formation.messages import Datagram, Event, LabFrame, Phase, RawFrame, Severity, Tick
 from gcs.alarms import EventMemory
-from gcs.live.daemon import Live
+from gcs.live import Live
 from gcs.page.model import Model
 from mocap.core import MocapCore
 from mocap.validator import RELEARN_FRAMES

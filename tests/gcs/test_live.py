@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 from formation import topics
 from formation.messages import Event, Severity, Tick
-from gcs.live.daemon import Live, _open_viewer, file_of
+from gcs.live import Live, _open_viewer, file_of
 from wire.logs.live import HEAD_EVERY, Described, LiveLog, keys, sharer
 from wire.logs.mcap_write import LogWriter
 

@@ -1,18 +1,24 @@
-"""A campaign: many runs on every core or on a cluster, what failed made small, one summary."""
+"""A campaign: many runs on every core or on a cluster, what failed made small, one summary.
+
+A failing run is made small without a fault, shorter or milder, as long as it still fails in the same way.
+"""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import Protocol, TypeVar
 
+from rich.console import Console
+
 from sim.campaign.draw import GROUP, Draw, run_of
+from sim.campaign.flight import fly as fly_whole
 from sim.campaign.group import RAISED, Flown, Job, Run, fly_job
 from sim.campaign.oracle import Margin, Violation
-from sim.campaign.shrink import Shrunk, shrink
-from sim.faults.fault import Fault
+from sim.faults.fault import FAMILIES, Fault
+from sim.scenario import Scenario
 
-MOST_SHRUNK = 4
+MOST_SHRUNK, MOST_FLIGHTS = 4, 10
 MOST_NEAR = 5
 A = TypeVar("A")
 B = TypeVar("B")
@@ -27,13 +33,12 @@ class Workers(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A run that was not contained: how, by which faults, and the least of them that still does it, where known."""
+    """A run that was not contained: how, and by which faults, or the least of them that still does it, where known."""
 
     draw: Draw
     number: int
     violation: Violation
     faults: tuple[Fault, ...]
-    shrunk: Shrunk | None = None
 
     @property
     def reason(self) -> str:
@@ -85,7 +90,7 @@ class Result:
                     {
                         "seed": f"{failure.draw.seed}:{failure.number}",
                         "again": failure.again,
-                        "faults": [fault.model_dump(mode="json", exclude_defaults=True) for fault in _least(failure)],
+                        "faults": [fault.model_dump(mode="json", exclude_defaults=True) for fault in failure.faults],
                         "reason": failure.reason,
                     }
                     for failure in self.failures
@@ -132,8 +137,7 @@ def shrunk(failure: Failure) -> Failure:
     """The failure with the least that does it; as it is where its flight cannot even be flown to its end."""
     if failure.violation.kind == RAISED:
         return failure
-    scenario = run_of(failure.draw, failure.number)
-    return replace(failure, shrunk=shrink(scenario))
+    return replace(failure, faults=shrink(run_of(failure.draw, failure.number)))
 
 
 def _failure(draw: Draw, run: Run) -> Failure:
@@ -149,5 +153,56 @@ def _nearest(draw: Draw, runs: Sequence[Run]) -> tuple[Near, ...]:
     return tuple(sorted(near, key=lambda one: -one.margin.used)[:MOST_NEAR])
 
 
-def _least(failure: Failure) -> tuple[Fault, ...]:
-    return failure.faults if failure.shrunk is None else failure.shrunk.faults
+def shrink(scenario: Scenario) -> tuple[Fault, ...]:
+    """The least of the scenario's faults, which fail, that is found to fail in at most `MOST_FLIGHTS` flights."""
+    kinds = set(fly_whole(scenario, scenario.seed).verdict.kinds)
+    best, flights = scenario.faults, 1
+    again = True
+    while again and flights < MOST_FLIGHTS:
+        again = False
+        for faults in _smaller(best):
+            if flights == MOST_FLIGHTS:
+                break
+            flights += 1
+            tried = fly_whole(scenario.model_copy(update={"faults": faults}), scenario.seed).verdict
+            if set(tried.kinds) & kinds:
+                best, again = faults, True
+                break
+    return best
+
+
+def _smaller(faults: tuple[Fault, ...]) -> Iterator[tuple[Fault, ...]]:
+    """One fault less; then each half as long; then each half as severe, where less of it is milder."""
+    if len(faults) > 1:
+        for i in range(len(faults)):
+            yield faults[:i] + faults[i + 1 :]
+    for i, fault in enumerate(faults):
+        if fault.for_s is not None and fault.for_s > 0.02:
+            yield _with(faults, i, for_s=round(0.5 * fault.for_s, 4))
+        if FAMILIES[fault.family].zero_is_none:
+            yield _with(faults, i, severity=float(f"{0.5 * fault.severity:.3g}"))
+
+
+def _with(faults: tuple[Fault, ...], i: int, **change: object) -> tuple[Fault, ...]:
+    return (*faults[:i], faults[i].model_copy(update=change), *faults[i + 1 :])
+
+
+class Cluster:
+    """The workers of one Dask scheduler (the extra `cluster`), which need this project installed."""
+
+    def __init__(self, address: str, console: Console) -> None:
+        """OSError if there is no scheduler; ImportError without the extra."""
+        from distributed import Client
+
+        self._client = Client(address)
+        self._console = console
+
+    def run(self, title: str, work: Callable[[A], B], jobs: Sequence[A]) -> list[B]:
+        """`work(job)` for every job, in the order of the jobs. Raises what a job raises."""
+        from distributed import as_completed
+
+        futures = self._client.map(work, jobs, pure=False)
+        with self._console.status(title) as status:
+            for done, _ in enumerate(as_completed(futures), 1):
+                status.update(f"{title}: {done} of {len(jobs)}")
+        return list(self._client.gather(futures))

@@ -7,15 +7,20 @@ nothing of what flew; 130 interrupted.
 Commands load what they need when they are called: asking for help waits for no compiler.
 """
 
+import asyncio
 import json
+import sys
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from sim.cli import cameras, campaign, studies
+from formation.exposure import is_loopback
+from sim.cli import studies
 from wire.process.output import dropping_output
-from wire.process.program import program, starting
+from wire.process.program import print_json_error, program, starting, with_options
 
 app = program(
     "Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes; "
@@ -23,6 +28,8 @@ app = program(
     "Exit codes: 0 flown; 1 aborted, or less than required; 2 something given is not right; "
     "3 starved, the machine was too slow for the simulators; 130 interrupted.",
 )
+MOST_BODIES = 250
+Protocol = Literal["vrpn", "chingmu", "natnet", "qtm", "vicon"]
 
 
 def _scenarios(incomplete: str) -> list[str]:
@@ -57,7 +64,7 @@ Out = Annotated[Path | None, typer.Option(help="The run's directory; without it 
 def fly(
     name: Name = "triangle_line",
     link: Annotated[Literal["zenoh", "udp"], typer.Option(help="How MAVLink reaches the drones.")] = "zenoh",
-    mocap: Annotated[cameras.Protocol | None, typer.Option(help="Poses by this camera system's own protocol.")] = None,
+    mocap: Annotated[Protocol | None, typer.Option(help="Poses by this camera system's own protocol.")] = None,
     seed: Seed = None,
     leader_csv: LeaderCsv = None,
     leader_alignment: Alignment = None,
@@ -128,7 +135,7 @@ def check(
     as_json: Json = False,
 ) -> None:
     """Judge a scenario and the lab that it flies; starts nothing. `gcs check` does the same."""
-    from sim.cli.check import check as check_scenario
+    from sim.cli.flights import check as check_scenario
 
     check_scenario(name, svg, as_json)
 
@@ -157,9 +164,106 @@ def list_scenarios(as_json: Json = False) -> None:
         typer.echo(f"{name:{width}}  {about(path)}")
 
 
+@app.command()
+def campaign(
+    runs: Annotated[int, typer.Option(min=0, help="How many flights with random faults.")] = 300,
+    seed: Annotated[int, typer.Option(min=0, help="Decides, with a run's number, all about it.")] = 1,
+    first: Annotated[int, typer.Option(min=0, help="The number of the first run: to go on with a campaign.")] = 0,
+    family: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Draw each run's first fault of it; again for more.")
+    ] = None,
+    profile: Annotated[str, typer.Option(help="Of the vehicles that fly.")] = "paper_40g",
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; without it one a core.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of a Dask cluster that flies instead of this machine.")
+    ] = None,
+    replay: Annotated[
+        str | None, typer.Option(metavar="SEED:NUMBER", help="Fly this one run again and print its details.")
+    ] = None,
+    log: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="With --replay: log it there.")] = None,
+    table: Annotated[bool, typer.Option("--table", help="Fly each fault of the table once, show how it ends.")] = False,
+    controls: Annotated[
+        int, typer.Option(min=0, metavar="N", help="And N flights without each monitor, which must then fail.")
+    ] = 0,
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Of table or controls this one alone; again for more.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
+) -> None:
+    """Fly with random faults; judged by what is true of the drones alone. Exit code 1 if anything was not contained."""
+    from sim.cli import campaign as commands
+
+    draw = partial(commands.drawn_by, families=tuple(family or ()), vehicle=profile)
+    if table:
+        commands.run_table(tuple(only or ()), workers, as_json)
+    elif replay is not None:
+        commands.run_again(replay, draw, log, as_json)
+    else:
+        asked = commands.Asked(range(first, first + runs), draw(seed), controls, tuple(only or ()))
+        commands.run_campaign(asked, workers, scheduler, as_json)
+
+
+@dataclass(frozen=True, slots=True)
+class BoxOptions:
+    """What is served, and how."""
+
+    protocol: Annotated[Protocol | None, typer.Option(help="The vendor's protocol; of --lab if not given.")] = None
+    lab: Annotated[Path | None, typer.Option(help="A lab file: its bodies, names, axes, unit and ports.")] = None
+    bodies: Annotated[int, typer.Option(min=1, max=MOST_BODIES, help="How many, without --lab.")] = 3
+    still: Annotated[bool, typer.Option("--still", help="Nothing moves.")] = False
+    csv: Annotated[
+        Path | None, typer.Option(help="The first body moves as recorded (CSV: EuRoC, TUM, Motive, Vicon).")
+    ] = None
+    mcap: Annotated[Path | None, typer.Option(help="All bodies move as in a flight's log.")] = None
+    cameras: Annotated[
+        str,
+        typer.Option(
+            metavar="KEY=VALUE,...",
+            help="rate_hz, jitter_s, noise_m, noise_rad, delay_s, delay_jitter_s, lost_share, occluded_share, burst: "
+            "as in a scenario's [mocap].",
+        ),
+    ] = ""
+    restart_every: Annotated[float | None, typer.Option(min=2.0, help="The server restarts so often, s.")] = None
+    rename_every: Annotated[float | None, typer.Option(min=1.0, help="A body's name changes so often, s.")] = None
+    host: Annotated[str | None, typer.Option(help="Our address: 127.0.0.1, for NatNet 127.0.0.2.")] = None
+    port: Annotated[int | None, typer.Option(min=1, max=65535, help="The vendor's own if not given.")] = None
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Serve other machines; camera protocols know no keys.")
+    ] = False
+    seed: Annotated[int, typer.Option(min=0, help="Decides all luck.")] = 1
+    as_json: Annotated[bool, typer.Option("--json", help="Events and errors as lines of JSON.")] = False
+    speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
+
+
+@app.command("mocap-server")
+@with_options(BoxOptions)
+@dropping_output()
+def mocap_server(options: BoxOptions) -> None:
+    """Serve moving bodies in a camera system's own protocol, until Ctrl-C."""
+    from sim.cameras.box import Interruptions
+    from sim.cli.mocap_server import NotRight, box
+
+    def print_text(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+    def print_text_json(text: str) -> None:
+        print(json.dumps({"text": text}), flush=True)
+
+    try:
+        if options.host is not None and not (options.insecure or is_loopback(options.host)):
+            raise NotRight(f"--host {options.host} is not this machine, and camera protocols know no keys: --insecure")
+        running = box(options)
+        interruptions = Interruptions(options.restart_every, options.rename_every)
+        asyncio.run(running.serve(interruptions, print_text_json if options.as_json else print_text))
+    except KeyboardInterrupt:
+        return
+    except (NotRight, OSError) as error:
+        print_json_error(str(error))
+        print(f"gcs-sim: {error}", file=sys.stderr)
+        raise typer.Exit(2) from error
+
+
 studies.register(app)
-campaign.register(app)
-cameras.register(app)
 
 
 def main() -> None:

@@ -1,50 +1,152 @@
-"""The command line of `gcs-sim campaign`."""
+"""What `gcs-sim campaign` does: flights with faults on every core, verdicts, a table."""
 
-from functools import partial
+import json
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
 
 import typer
+from rich.console import Console
+from rich.table import Table
+
+from formation.vehicle.profile import PROFILES
+from sim import lockstep
+from sim.campaign import campaign, controls
+from sim.campaign.campaign import Cluster, Failure, Workers
+from sim.campaign.draw import FAMILIES_DRAWN, Draw, run_of
+from sim.campaign.flight import fly
+from sim.campaign.oracle import Verdict
+from sim.campaign.table import fly_rows, shared_flights, table
+from sim.cli.flights import compile_everything, fail
+from sim.studies.runner import Runner
+from sim.world import T0_NS
+from wire.logs.mcap_write import LogWriter
+
+FAILED, NOT_RIGHT = 1, 2
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("campaign")(campaign)
+def run_table(only: tuple[str, ...], workers: int | None, as_json: bool) -> None:
+    """The faults that were found, each flown once."""
+    console = Console(stderr=as_json, markup=False)
+    names = [row.name for row in table()]
+    if unknown := [name for name in only if name not in names]:
+        fail(f"no row {unknown[0]!r} in the table; there are: {', '.join(names)}", NOT_RIGHT)
+    wanted = [name for name in names if not only or name in only]
+    compile_everything()
+    flights = Runner(console, workers).run("table", fly_rows, shared_flights(wanted))
+    together = {name: verdict for verdicts in flights for name, verdict in verdicts.items()}
+    flown = {name: together[name] for name in wanted}
+    if as_json:
+        print(json.dumps({name: asdict(verdict) for name, verdict in flown.items()}, indent=2))
+    console.print(_page(flown))
+    uncontained = sum(not verdict.contained for verdict in flown.values())
+    console.print(f"{len(flown)} faults, {uncontained} not contained", highlight=False)
+    if uncontained:
+        raise typer.Exit(FAILED)
 
 
-def campaign(
-    runs: Annotated[int, typer.Option(min=0, help="How many flights with random faults.")] = 300,
-    seed: Annotated[int, typer.Option(min=0, help="Decides, with a run's number, all about it.")] = 1,
-    first: Annotated[int, typer.Option(min=0, help="The number of the first run: to go on with a campaign.")] = 0,
-    family: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Draw each run's first fault of it; again for more.")
-    ] = None,
-    profile: Annotated[str, typer.Option(help="Of the vehicles that fly.")] = "paper_40g",
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes; without it one a core.")] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of a Dask cluster that flies instead of this machine.")
-    ] = None,
-    replay: Annotated[
-        str | None, typer.Option(metavar="SEED:NUMBER", help="Fly this one run again and print its details.")
-    ] = None,
-    log: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="With --replay: log it there.")] = None,
-    table: Annotated[bool, typer.Option("--table", help="Fly each fault of the table once, show how it ends.")] = False,
-    controls: Annotated[
-        int, typer.Option(min=0, metavar="N", help="And N flights without each monitor, which must then fail.")
-    ] = 0,
-    only: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Of table or controls this one alone; again for more.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
-) -> None:
-    """Fly with random faults; judged by what is true of the drones alone. Exit code 1 if anything was not contained."""
-    from sim.cli import campaign_commands as commands
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A campaign: runs with random faults, flights of each positive control, and which of these alone."""
 
-    draw = partial(commands.drawn_by, families=tuple(family or ()), vehicle=profile)
-    if table:
-        commands.run_table(tuple(only or ()), workers, as_json)
-    elif replay is not None:
-        commands.run_again(replay, draw, log, as_json)
-    else:
-        asked = commands.Asked(range(first, first + runs), draw(seed), controls, tuple(only or ()))
-        commands.run_campaign(asked, workers, scheduler, as_json)
+    runs: range
+    draw: Draw
+    controls: int
+    only: tuple[str, ...]
+
+
+def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_json: bool) -> None:
+    """Random faults, and positive controls."""
+    console = Console(stderr=as_json, markup=False)
+    compile_everything()
+    crew = _workers(workers, scheduler, console)
+    result = campaign.fly(asked.draw, asked.runs, crew)
+    jobs = controls.jobs(asked.draw.seed, asked.controls, asked.only)
+    shares = controls.shares(jobs, crew.run("positive controls", controls.fly_control, jobs)) if jobs else {}
+    if as_json:
+        with_it = {name: share.with_it for name, share in shares.items()}
+        print(result.to_json({name: share.without for name, share in shares.items()}, with_it))
+    for failure in result.failures:
+        _show(failure, console)
+    per_core_s = 1.0 / max(result.core_s, 1e-9)
+    if result.runs:
+        console.print(
+            f"{result.runs} flights, {len(result.failures)} not contained: {result.separation_violations} of "
+            f"separation, {result.fence_violations} of the fence; {result.virtual_s * per_core_s:.1f} s of flight a "
+            f"second and core ({result.simulated_s * per_core_s:.1f} integrated)",
+            highlight=False,
+        )
+    for near in result.nearest:
+        line = f"nearest to a limit: {near.margin.used:.0%}, {near.margin.text}    {near.draw.again(near.number)}"
+        console.print(line, style="dim", highlight=False, soft_wrap=True)
+    for name, share in shares.items():
+        line = f"without {name}: {share.without:.0%} of {asked.controls} flights failed, with it {share.with_it:.0%}"
+        console.print(line, style=None if share.shows else "red", highlight=False)
+    for name, behind in controls.REDUNDANT.items() if shares and not asked.only else ():
+        console.print(f"without {name}: no control, {behind}", style="dim", highlight=False)
+    if result.failures or not all(share.shows for share in shares.values()):
+        raise typer.Exit(FAILED)
+
+
+def drawn_by(seed: int, families: tuple[str, ...], vehicle: str) -> Draw:
+    """The draw of a campaign; families: by their names, none for all; vehicle: the profile's name."""
+    if vehicle not in PROFILES:
+        fail(f"--profile {vehicle}: no vehicle's; there are: {', '.join(PROFILES)}", NOT_RIGHT)
+    known = {str(family): family for family in FAMILIES_DRAWN}
+    if unknown := [name for name in families if name not in known]:
+        fail(f"--family {unknown[0]}: no family of faults; there are: {', '.join(known)}", NOT_RIGHT)
+    return Draw(seed, tuple(known[name] for name in families) or FAMILIES_DRAWN, vehicle)
+
+
+def run_again(run: str, draw: Callable[[int], Draw], log: Path | None, as_json: bool) -> None:
+    """One run of a campaign; draw: by its seed."""
+    seed, _, number = run.partition(":")
+    if not (seed.isdecimal() and number.isdecimal()):
+        fail(f"--replay {run}: expected SEED:NUMBER", NOT_RIGHT)
+    console = Console(stderr=as_json, markup=False)
+    scenario = run_of(draw(int(seed)), int(number))
+    for fault in scenario.faults:
+        console.print(fault.text(), highlight=False)
+    with ExitStack() as files:
+        record = None
+        if log is not None:
+            metadata = lockstep.metadata(scenario, scenario.seed, "memory", T0_NS)
+            record = files.enter_context(LogWriter(log, metadata, threaded=False)).write
+        verdict = fly(scenario, scenario.seed, record).verdict
+    if as_json:
+        print(json.dumps(asdict(verdict), indent=2))
+    console.print(_page({run: verdict}))
+    for violation in verdict.violations:
+        console.print(f"{violation.t_s:7.2f} s  {violation.kind}: {violation.text}", highlight=False)
+    if not verdict.contained:
+        raise typer.Exit(FAILED)
+
+
+def _workers(workers: int | None, scheduler: str | None, console: Console) -> Workers:
+    if scheduler is None:
+        return Runner(console, workers)
+    try:
+        return Cluster(scheduler, console)
+    except (ImportError, OSError) as error:
+        fail(f"--scheduler {scheduler}: {error}", NOT_RIGHT)
+
+
+def _show(failure: Failure, console: Console) -> None:
+    """What went wrong, the least that does it, and how to see it."""
+    console.print(f"{failure.again}    {failure.reason}", style="red", highlight=False, soft_wrap=True)
+    for fault in failure.faults:
+        console.print(f"    {fault.text()}", highlight=False, soft_wrap=True)
+
+
+def _page(flown: dict[str, Verdict]) -> Table:
+    page = Table(title="how each fault ends; again with --table --only NAME")
+    for heading in ("fault", "ends", "reported after, s", "drift, m", "first report"):
+        numeric = heading.endswith((" s", " m"))
+        page.add_column(heading, justify="right" if numeric else "left", no_wrap=numeric or heading == "fault")
+    for name, verdict in flown.items():
+        ends = "contained" if verdict.contained else "; ".join(violation.text for violation in verdict.violations[:2])
+        detection_s = "-" if verdict.detection_s is None else f"{verdict.detection_s:.2f}"
+        drift = "-" if verdict.onset_s is None else f"{verdict.drift_m:.2f}"
+        page.add_row(name, ends, detection_s, drift, verdict.cause, style=None if verdict.contained else "red")
+    return page

@@ -1,4 +1,4 @@
-"""What `gcs-sim fly`, `run`, `mocap` and `compile` do: a scenario becomes a flight, its log a page and numbers."""
+"""What `gcs-sim fly`, `run`, `mocap`, `check` and `compile` do: a scenario becomes a flight, its log a page."""
 
 import asyncio
 import os
@@ -9,27 +9,32 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, Literal, NoReturn, TypeVar
+from types import TracebackType
+from typing import Any, Literal, NoReturn, Self, TypeVar
 
 import typer
 import uvloop
 from rich.console import Console
+from rich.text import Text
 
 from analysis.console import print_summary
 from analysis.metrics import Requirement, Summary, parse_requirement, unmet
 from formation.codes import FlightResult, Outcome
 from formation.config import LabConfig
+from formation.guidance.shape import shape_for
+from formation.guidance.shape_request import parse
+from formation.messages import Verb
 from formation.model import QuatTuple
 from formation.requests import GCS_NAME
 from formation.security_config import SecurityConfig
-from gcs.finding import Grade
+from gcs.finding import Finding, Grade
+from gcs.lab import cli as lab_cli
 from gcs.lab.findings import line
 from gcs.lab.judge import SECURITY, judge
 from mocap.sources.csv_file import MocapFileError
 from sim import lockstep
 from sim.cameras import daemon as mocap_daemon
 from sim.cameras.systems import lab_with
-from sim.cli.display import Display
 from sim.fly import Files
 from sim.fly import fly as fly_processes
 from sim.fly import practise as practise_processes
@@ -307,3 +312,65 @@ def fail(text: str, code: int) -> NoReturn:
 
 def _print_error(text: str) -> None:
     Console(stderr=True).print(f"gcs-sim: {text}", style="red", highlight=False, markup=False, soft_wrap=True)
+
+
+class Display:
+    """A context in which `progress` keeps a status line up to date and leaves a line for each phase."""
+
+    def __init__(self, console: Console, title: str) -> None:
+        self._console = console
+        self._title = title
+        self._status = console.status(Text(title))
+        self._phase = ""
+
+    def __enter__(self) -> Self:
+        self._status.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self._status.stop()
+
+    def update(self, text: str) -> None:
+        """Show what is going on, without a time."""
+        self._status.update(Text(f"{self._title}: {text}"))
+
+    def progress(self, t_s: float, phase: str) -> None:
+        """The flight is in `phase`, `t_s` after its beginning."""
+        if phase != self._phase:
+            self._phase = phase
+            self._console.print(f"{t_s:7.1f} s  {phase}", highlight=False, markup=False)
+        self._status.update(Text(f"{self._title}: {phase}, {t_s:.1f} s"))
+
+
+def check(file: Path, svg: Path | None, as_json: bool) -> None:
+    """Judge and draw; ends the program with its exit code, as `gcs check` does."""
+    try:
+        opened = find(str(file))
+    except ConfigError as error:
+        lab_cli.not_right(Path(error.source or file), error, as_json)
+        return
+    lab_cli.judge_lab(file, _lab(opened), svg, as_json, tuple(_findings(opened.scenario)))
+
+
+def _lab(opened: Opened) -> LabConfig:
+    """The lab as its file has it, real links and all."""
+    return opened.scenario.lab if opened.lab is None else opened.lab
+
+
+def _findings(scenario: Scenario) -> Iterator[Finding]:
+    """What the scenario itself asks for that its lab does not have."""
+    for k, step in enumerate(scenario.script):
+        try:
+            if step.verb is Verb.TRAJECTORY:
+                scenario.lab.flying(step.argument)
+            elif step.verb is Verb.SHAPE:
+                shape_for(scenario.lab, parse(step.argument))
+        except ValueError as error:
+            key, value = f"script[{k}].argument", f'"{step.argument}"'
+            yield Finding(key, "script", Grade.FAIL, value, why=str(error))
+    try:
+        recorded_leader(scenario)
+    except (MocapFileError, ValueError) as error:
+        yield Finding("leader.file", "files", Grade.FAIL, f'"{scenario.leader.file}"', why=str(error))

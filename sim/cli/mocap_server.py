@@ -15,7 +15,7 @@ from sim.cameras.emulator import EmulatorConfig
 from sim.cameras.playback import Playback
 from sim.cameras.scene import Circling, Recorded, Scene, lab_of
 from sim.cameras.systems import LOOPBACK, OTHER_LOOPBACK, SOURCE_OF, is_camera_system, server_for
-from sim.cli.cameras import BoxOptions
+from sim.cli.app import BoxOptions
 from wire.clock import Clock
 from wire.config_file import load
 from wire.errors import ConfigError

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.cli.cameras import BoxOptions
+from sim.cli.app import BoxOptions
 from sim.cli.mocap_server import NotRight, box
 
 LAB = """

@@ -66,6 +66,7 @@ def test_every_command_has_json_but_the_screen_for_people() -> None:
         (("gcs", "mocap", "serve", "--linger", "x", "lab.toml"), "--linger"),
         (("gcs-sim", "run", "nothing"), "nothing: no such file, nor a shipped scenario"),
         (("gcs-sim", "run", "triangle_line", "--require", "rms=1"), "'rms=1' is not understood"),
+        (("gcs-sim", "fly", "triangle_line", "--practice", "--watch"), "has no --watch, --json: `gcs run` has --page"),
         (("gcs-log", "report", "none.mcap"), "none.mcap"),
         (("gcs", "stop", "now"), "unexpected extra argument"),
         (("gcs-sim", "mocap-server", "--lab", "lab.toml"), "lab.toml"),

@@ -88,6 +88,10 @@ def fly(
     """Fly in real time: emulated mocap, agents and `gcs run` as processes of their own. Ctrl-C lands and ends."""
     from sim.cli import flights
 
+    grounds = {"--watch": watch, "--force": force, "--require": require, "--json": as_json}
+    if practice and (given := [option for option, value in grounds.items() if value]):
+        text = f"--practice starts no ground, and has no {', '.join(given)}: `gcs run` has --page, --force and --json"
+        flights.fail(text, flights.NOT_RIGHT)
     required = flights.required(require)
     opened = flights.scenario_of(name, leader_csv, leader_alignment)
     how = flights.ProcessOptions(link, mocap, force, speed, watch, signed, hosts)

@@ -29,6 +29,7 @@ from wire.text import rows
 
 if TYPE_CHECKING:
     from drone_agent.config import SimulatedDroneConfig
+    from drone_agent.guard.config import GuardConfig
     from wire.process.daemon import EventSink
 
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -129,7 +130,7 @@ def _fly(options: Options) -> None:
 
     report = print_event_json if options.as_json else print_event
     try:
-        drones = [_merge(options, file) for file in options.config or ()] or [_merge(options, None)]
+        drones = [_config(options, file) for file in options.config or (None,)]
         uvloop.run(_process(drones, report, Clock(options.speed)))
     except ConfigError as error:
         _fail(str(error), 2)
@@ -139,51 +140,47 @@ def _fly(options: Options) -> None:
         _fail(f"drone-agent: {error.strerror or error}", 1)
 
 
-def _process(drones: list[dict[str, Any]], report: "EventSink", clock: Clock) -> Coroutine[Any, Any, None]:
+def _process(drones: "list[GuardConfig]", report: "EventSink", clock: Clock) -> Coroutine[Any, Any, None]:
     """What the process does: a bridge or simulated drones. Only what it is is imported; ConfigError."""
-    from wire.config_file import parse
-
-    bridges = any(drone.get("bridge") is not None for drone in drones)
-    if bridges and len(drones) > 1:
-        raise ConfigError(["drone-agent: bridge: a bridge is a process of its own"])
-    if bridges:
+    if any("bridge" in drone.model_fields_set for drone in drones):
         from drone_agent.bridge import BridgeConfig, run_bridge
 
-        return run_bridge(parse(drones[0], BridgeConfig, source="drone-agent"), report, clock)
+        match drones:
+            case [BridgeConfig() as bridge]:
+                return run_bridge(bridge, report, clock)
+        raise ConfigError(["drone-agent: bridge: a bridge is a process of its own"])
     from drone_agent.config import SimulatedDroneConfig
     from drone_agent.daemon import run
 
-    agents = [parse(drone, SimulatedDroneConfig, source="drone-agent") for drone in drones]
+    agents = [drone for drone in drones if isinstance(drone, SimulatedDroneConfig)]
     if len(agents) > 1:
         _check_together(agents)
     return run(agents, report, clock)
 
 
-def _merge(options: Options, file: Path | None) -> dict[str, Any]:
-    """The file's configuration with the options given laid over it; ConfigError."""
-    base = {} if file is None else _read(file)
-    if options.lab is not None and options.lab.endswith(".toml"):
-        base |= _of_lab(Path(options.lab), options.body or base.get("body"))
-        options = replace(options, lab=None)
-    for key, value in _laid_over(options).items():
-        if value is None or value == {}:
-            continue
-        base[key] = {**base.get(key, {}), **value} if isinstance(value, dict) else value
-    return base
+def _config(options: Options, file: Path | None) -> "GuardConfig":
+    """The file's configuration with the options given laid over it; ConfigError, a line of the file's with its number.
 
-
-def _read(file: Path) -> dict[str, Any]:
-    """What a file sets, each error with its line; ConfigError."""
-    from wire.config_file import load
+    Only the model that it is is imported.
+    """
+    from wire.config_file import parse, parse_read
     from wire.files import read_toml
 
-    if "bridge" in read_toml(file):
-        from drone_agent.bridge import BridgeConfig
-
-        return load(file, BridgeConfig).model_dump(exclude_unset=True)
-    from drone_agent.config import SimulatedDroneConfig
-
-    return load(file, SimulatedDroneConfig).model_dump(exclude_unset=True)
+    values = {} if file is None else read_toml(file)
+    if options.lab is not None and options.lab.endswith(".toml"):
+        values |= _of_lab(Path(options.lab), options.body or values.get("body"))
+        options = replace(options, lab=None)
+    for key, value in _laid_over(options).items():
+        if isinstance(value, dict):
+            table = values.get(key, {})
+            values |= {key: table | value} if value and isinstance(table, dict) else {}
+        elif value is not None:
+            values[key] = value
+    if "bridge" in values:
+        from drone_agent.bridge import BridgeConfig as Config
+    else:
+        from drone_agent.config import SimulatedDroneConfig as Config
+    return parse(values, Config, source="drone-agent") if file is None else parse_read(values, Config, file)
 
 
 def _of_lab(file: Path, body: str | None) -> dict[str, Any]:

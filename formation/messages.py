@@ -321,6 +321,8 @@ class LoopTiming:
 
 FARTHEST_M = 1000.0
 """No pose of a lab is farther from the cameras' origin: what is, is in other units."""
+FORCE_MOST_M_S2 = 157.0
+"""16 g along an axis: no accelerometer of an autopilot shows more."""
 
 
 class Rejection(IntEnum):

@@ -75,11 +75,6 @@ class ProcessGroup:
         """The process of that name; KeyError."""
         return {child.name: child for child in self._children}[name]
 
-    @property
-    def children(self) -> tuple[Child, ...]:
-        """All of them, in order of starting, those that have ended too."""
-        return tuple(self._children)
-
     async def watch(self) -> None:
         """Never returns; ProcessDied, naming the first process that ends."""
         waits = {asyncio.create_task(child.process.wait()): child for child in self._children}

@@ -122,8 +122,13 @@ NEAR = 0.7
 
 def load(path: Path, model: type[M]) -> M:
     """The model in the TOML file at `path`; ConfigError for a file that is missing, no TOML, or not such a model."""
+    return parse_read(read_toml(path), model, path)
+
+
+def parse_read(values: dict[str, Any], model: type[M], path: Path) -> M:
+    """The model in values that were read from a TOML file; ConfigError, its lines led by file and line."""
     try:
-        return parse(read_toml(path), model, source=str(path), folder=path.parent)
+        return parse(values, model, source=str(path), folder=path.parent)
     except ConfigError as error:
         at = lines_of(path)
         lines = [fault.text(at.of(fault.key)) for fault in error.faults]

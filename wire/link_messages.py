@@ -225,10 +225,6 @@ class AttitudeQuaternion(NamedTuple):
     rate_flu_rad_s: Vec3
 
 
-FORCE_MOST_M_S2 = 157.0
-"""16 g along an axis: no accelerometer of an autopilot shows more."""
-
-
 class InertialSample(NamedTuple):
     """HIGHRES_IMU (105): what accelerometer and gyroscope showed, in the body's axes (FLU; FRD on the wire).
 

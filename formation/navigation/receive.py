@@ -10,13 +10,14 @@ from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import turn_flu_rad
 from formation.maths.records import Rows
+from formation.messages import FARTHEST_M, FORCE_MOST_M_S2
 from formation.navigation.evidence import Bank
 from formation.navigation.fusion import GAP_S, LATEST_NS, advance
 from formation.navigation.samples import add_sample, measures_force
 from formation.navigation.state import AUTOPILOT_ATTITUDE, POSE_POSITION, SAMPLES, THRUSTS, Body
 
-FORCE_MOST_M_S2, RATE_MOST_RAD_S, FAR_M = 157.0, 35.0, 1000.0
-"""16 g and 2000 degrees/s along an axis: no sensor of an autopilot shows more. No lab is larger than a kilometre."""
+RATE_MOST_RAD_S = 35.0
+"""2000 degrees/s along an axis: no gyroscope of an autopilot shows more."""
 Ints = NDArray[np.int64]
 
 
@@ -100,7 +101,7 @@ def receive_pose(bodies: Rows[Body], rejected: Ints, which: Ints, t_ns: Ints, po
     for k in range(len(which)):
         body = bodies[which[k]]
         pending, attitude = body.pending, np.empty(4)
-        reason = max(_vector_reason(pos[k], FAR_M), _unit(q[k], attitude))
+        reason = max(_vector_reason(pos[k], FARTHEST_M), _unit(q[k], attitude))
         if reason == _NONE and pending.count > 0 and t_ns[k] <= pending.t_ns[pending.count - 1]:
             reason = _OUT_OF_ORDER
         if reason == _NONE and body.status.begun and t_ns[k] <= body.estimate.t_ns:

@@ -5,7 +5,7 @@ from collections import deque
 
 from formation.config import VehicleBody
 from formation.maths.arrays import Quat
-from formation.messages import Event, Severity
+from formation.messages import FORCE_MOST_M_S2, Event, Severity
 from formation.model import Vec3Tuple
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
@@ -26,7 +26,6 @@ from wire.clock_offset import TimeSyncClient, rate_offset_text
 from wire.link_messages import (
     BRIDGE_COMPONENT,
     DRONE_COMPONENT,
-    FORCE_MOST_M_S2,
     GROUND,
     GROUND_COMPONENTS,
     GROUND_SYSTEM,

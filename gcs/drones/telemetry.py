@@ -14,10 +14,10 @@ from math import exp
 import numpy as np
 
 from formation.maths.arrays import Quat, Vec3
+from formation.messages import FORCE_MOST_M_S2
 from formation.model import Vec3Tuple
 from wire.autopilots.table import FlightMode
 from wire.link_messages import (
-    FORCE_MOST_M_S2,
     EkfStatus,
     Heartbeat,
     LandedState,

@@ -20,7 +20,7 @@ from wire.ground_state import Alarm
 MARGIN_M = 0.3
 NEAREST_M = 0.1
 Row = tuple[float, float, float, float]
-LEADER, FOLLOWER, BAD, WARN, PREVIEW = "#F0E442", "#56B4E9", "#FF7A33", "#E69F00", "#9AD8C4"
+LEADER, FOLLOWER, BAD = "#F0E442", "#56B4E9", "#FF7A33"
 SMALLEST_PX = 7.0
 """Radius of a drone in the picture that can still be seen; a smaller one has a ring of that size around it."""
 CIRCLE = tuple((math.cos(k * math.pi / 12), math.sin(k * math.pi / 12)) for k in range(24))

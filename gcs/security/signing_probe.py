@@ -28,14 +28,13 @@ _BEAT = Heartbeat(MavAutopilot.INVALID, MavType.GCS, 0, 0, MavState.ACTIVE)
 
 @dataclass(frozen=True, slots=True)
 class ProbeOutcome:
-    """What an autopilot did: whether anything came, which make, whether its packets are signed by the key, its answers.
+    """What an autopilot did: whether anything came, which make, how often it answered.
 
     signed_answers: to signed commands, signed themselves. unsigned_answers: to unsigned commands, of either kind.
     """
 
     received: bool = False
     autopilot: MavAutopilot | None = None
-    signs: bool = False
     signed_answers: int = 0
     unsigned_answers: int = 0
 
@@ -58,7 +57,7 @@ class SigningProbe:
         self._channel = channel
         self._codec, self._cutter = Codec(GROUND), FrameCutter(stream=True)
         self._asks_signed = True
-        self._received, self._signs = False, False
+        self._received = False
         self._autopilot: MavAutopilot | None = None
         self._answers = {True: 0, False: 0}
 
@@ -80,7 +79,6 @@ class SigningProbe:
                 continue
             self._received = True
             verified = bool(self._channel.verify(frame.data, unix_us).data)
-            self._signs = self._signs or verified
             for packet in self._codec.receive(frame.data):
                 message = packet.message
                 if isinstance(message, Heartbeat) and packet.source.component == DRONE_COMPONENT:
@@ -91,7 +89,7 @@ class SigningProbe:
     @property
     def outcome(self) -> ProbeOutcome:
         """What is known so far."""
-        return ProbeOutcome(self._received, self._autopilot, self._signs, self._answers[True], self._answers[False])
+        return ProbeOutcome(self._received, self._autopilot, self._answers[True], self._answers[False])
 
     def _sealed(self, data: bytes, unix_us: int, *, signed: bool) -> bytes:
         return self._channel.sign(data, unix_us) if signed else data

@@ -10,11 +10,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from drone_agent.__main__ import Options, _merge, app
-from drone_agent.bridge import BridgeConfig
+from drone_agent.__main__ import Options, _config, app
 from formation.vehicle.profile import profile
 from tests.free_ports import free_port
-from wire.config_file import parse
 
 runner = CliRunner()
 
@@ -134,12 +132,12 @@ def test_a_lab_file_says_what_its_drone_is(tmp_path: Path) -> None:
     file = tmp_path / "lab.toml"
     file.write_text(LAB)
     options = Options(lab=str(file), body="left", bridge="serial:/dev/ttyACM0:921600")
-    config = parse(_merge(options, None), BridgeConfig, source="drone-agent")
+    config = _config(options, None)
     assert (config.sysid, config.lab, config.body_name, config.origin[2]) == (7, "barn", "left", 500.0)
     assert profile(config.profile, config.profiles).mass_kg == 1.9
     assert config.link.zenoh_connect == ("tcp/192.168.1.20:7447",)
     assert config.keys == tmp_path / "our-keys"
-    assert _merge(replace(options, sysid=8), None)["sysid"] == 8
+    assert _config(replace(options, sysid=8), None).sysid == 8
 
 
 @pytest.mark.parametrize(

@@ -38,9 +38,9 @@ def asked(autopilot: Autopilot, key: bytes = KEY, *, late: bool = False) -> Prob
 @pytest.mark.parametrize(
     ("autopilot", "outcome"),
     [
-        (Autopilot(KEY), ProbeOutcome(True, MavAutopilot.PX4, True, signed_answers=3, unsigned_answers=0)),
-        (Autopilot(None), ProbeOutcome(True, MavAutopilot.PX4, False, signed_answers=0, unsigned_answers=3)),
-        (Autopilot(KEY, trusts=True), ProbeOutcome(True, MavAutopilot.PX4, True, 3, 3)),
+        (Autopilot(KEY), ProbeOutcome(True, MavAutopilot.PX4, signed_answers=3, unsigned_answers=0)),
+        (Autopilot(None), ProbeOutcome(True, MavAutopilot.PX4, signed_answers=0, unsigned_answers=3)),
+        (Autopilot(KEY, trusts=True), ProbeOutcome(True, MavAutopilot.PX4, 3, 3)),
         (Autopilot(OTHER_KEY), ProbeOutcome(received=True, autopilot=MavAutopilot.PX4)),
     ],
     ids=["its key", "none", "a trusted line", "another key"],
@@ -62,9 +62,9 @@ def test_another_system_answers_for_nobody() -> None:
 @pytest.mark.parametrize(
     ("outcome", "grade", "found"),
     [
-        (ProbeOutcome(True, MavAutopilot.PX4, True, 3, 0), Grade.PASS, "unsigned refused"),
-        (ProbeOutcome(True, MavAutopilot.PX4, True, 3, 1), Grade.FAIL, "unsigned obeyed"),
-        (ProbeOutcome(True, MavAutopilot.PX4, False, 0, 1), Grade.FAIL, "unsigned obeyed"),
+        (ProbeOutcome(True, MavAutopilot.PX4, 3, 0), Grade.PASS, "unsigned refused"),
+        (ProbeOutcome(True, MavAutopilot.PX4, 3, 1), Grade.FAIL, "unsigned obeyed"),
+        (ProbeOutcome(True, MavAutopilot.PX4, 0, 1), Grade.FAIL, "unsigned obeyed"),
         (ProbeOutcome(True, MavAutopilot.PX4), Grade.FAIL, "not measured"),
         (ProbeOutcome(), Grade.FAIL, "not measured"),
     ],

@@ -60,45 +60,44 @@ Require = Annotated[
 Out = Annotated[Path | None, typer.Option(help="The run's directory; without it runs/TIME-SCENARIO.")]
 
 
-@app.command()
-def fly(
-    name: Name = "triangle_line",
-    link: Annotated[Literal["zenoh", "udp"], typer.Option(help="How MAVLink reaches the drones.")] = "zenoh",
-    mocap: Annotated[Protocol | None, typer.Option(help="Poses by this camera system's own protocol.")] = None,
-    seed: Seed = None,
-    leader_csv: LeaderCsv = None,
-    leader_alignment: Alignment = None,
-    force: Annotated[bool, typer.Option("--force", help="Fly a preset whose delay margin the ground refuses.")] = False,
+@dataclass(frozen=True, slots=True)
+class FlyOptions:
+    """What is flown in real time, and how."""
+
+    name: Name = "triangle_line"
+    link: Annotated[Literal["zenoh", "udp"], typer.Option(help="How MAVLink reaches the drones.")] = "zenoh"
+    mocap: Annotated[Protocol | None, typer.Option(help="Poses by this camera system's own protocol.")] = None
+    seed: Seed = None
+    leader_csv: LeaderCsv = None
+    leader_alignment: Alignment = None
+    force: Annotated[bool, typer.Option("--force", help="Fly a preset whose delay margin the ground refuses.")] = False
     speed: Annotated[
         float, typer.Option(min=0.01, max=1.0, help="Seconds of flight in one second: slower on a slow machine.")
-    ] = 1.0,
-    require: Require = None,
-    watch: Annotated[bool, typer.Option("--watch", help="Serve the operator's page, and print where.")] = False,
-    signed: Annotated[bool, typer.Option("--signed", help="With the lab file's own keys on every link.")] = False,
+    ] = 1.0
+    require: Require = None
+    watch: Annotated[bool, typer.Option("--watch", help="Serve the operator's page, and print where.")] = False
+    signed: Annotated[bool, typer.Option("--signed", help="With the lab file's own keys on every link.")] = False
     hosts: Annotated[
         int | None, typer.Option(min=1, help="So many processes share the drones; without it each is one.")
-    ] = None,
+    ] = None
     practice: Annotated[
         bool,
         typer.Option("--practice", help="Cameras and drones alone: you run `gcs run` and the operator's commands."),
-    ] = False,
-    as_json: Json = False,
-    out: Out = None,
-) -> None:
+    ] = False
+    as_json: Json = False
+    out: Out = None
+
+
+@app.command()
+@with_options(FlyOptions)
+def fly(options: FlyOptions) -> None:
     """Fly in real time: emulated mocap, agents and `gcs run` as processes of their own. Ctrl-C lands and ends."""
     from sim.cli import flights
 
-    grounds = {"--watch": watch, "--force": force, "--require": require, "--json": as_json}
-    if practice and (given := [option for option, value in grounds.items() if value]):
-        text = f"--practice starts no ground, and has no {', '.join(given)}: `gcs run` has --page, --force and --json"
-        flights.fail(text, flights.NOT_RIGHT)
-    required = flights.required(require)
-    opened = flights.scenario_of(name, leader_csv, leader_alignment)
-    how = flights.ProcessOptions(link, mocap, force, speed, watch, signed, hosts)
-    if practice:
-        flights.practise(opened, how, seed, out)
+    if options.practice:
+        flights.practise(options)
     else:
-        flights.fly(opened, how, seed, flights.Ending(as_json, out, required))
+        flights.fly(options)
 
 
 @app.command()

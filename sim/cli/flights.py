@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryFile
 from types import TracebackType
-from typing import Any, Literal, NoReturn, Self, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, Self, TypeVar
 
 import typer
 import uvloop
@@ -53,27 +53,14 @@ from wire.process.program import print_json_error
 from wire.process.progress import compile_all
 from wire.security.private_keys import keys_folder
 
+if TYPE_CHECKING:
+    from sim.cli.app import FlyOptions
+
 T = TypeVar("T")
 ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
 LOG_BYTES = 32 << 20
 """Of a flight of two minutes: its log and report."""
 UNIT_WITHIN = 0.01
-
-
-@dataclass(frozen=True, slots=True)
-class ProcessOptions:
-    """How processes fly: over which link, by which camera system's protocol if any, speed seconds in one second.
-
-    watch: with the operator's page. signed: with the lab's keys, on every link. hosts: processes that share the drones.
-    """
-
-    link: Literal["zenoh", "udp"]
-    protocol: str | None
-    force: bool
-    speed: float
-    watch: bool
-    signed: bool = False
-    hosts: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,22 +72,32 @@ class Ending:
     required: tuple[Requirement, ...]
 
 
-def fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -> None:
+def fly(options: "FlyOptions") -> None:
     """In real time, or slower; ends the process with its exit code."""
-    summary, aborted_code = _fly(opened, how, seed, ending)
+    ending = Ending(options.as_json, options.out, required(options.require))
+    summary, aborted_code = _fly(_opened(options), options, ending)
     _end(summary, ending, aborted_code)
 
 
+def _opened(options: "FlyOptions") -> Opened:
+    return scenario_of(options.name, options.leader_csv, options.leader_alignment)
+
+
 @dropping_output()
-def practise(opened: Opened, how: ProcessOptions, seed: int | None, out: Path | None) -> None:
+def practise(options: "FlyOptions") -> None:
     """Cameras and drones alone, on ports of their own, until Ctrl-C; ends the process where one of them ends."""
-    scenario, files = opened.scenario, Files(_folder(out, opened.scenario))
+    grounds = {
+        "--watch": options.watch, "--force": options.force, "--require": options.require, "--json": options.as_json,
+    }  # fmt: skip
+    if given := [option for option, value in grounds.items() if value]:
+        text = f"--practice starts no ground, and has no {', '.join(given)}: `gcs run` has --page, --force and --json"
+        fail(text, NOT_RIGHT)
+    opened = _opened(options)
+    scenario, files = opened.scenario, Files(_folder(options.out, opened.scenario))
     compile_for(scenario)
-    with _own_link(opened, how) as lab:
-        scenario = scenario.model_copy(update={"lab": lab})
-        practice = practise_processes(
-            scenario, _seed(seed, scenario), files, typer.echo, clock.Clock(how.speed), how.hosts
-        )
+    with _own_link(opened, options) as lab:
+        scenario, speed = scenario.model_copy(update={"lab": lab}), clock.Clock(options.speed)
+        practice = practise_processes(scenario, _seed(options.seed, scenario), files, typer.echo, speed, options.hosts)
         try:
             asyncio.run(_interruptible(practice))
         except ProcessDied as error:
@@ -108,27 +105,27 @@ def practise(opened: Opened, how: ProcessOptions, seed: int | None, out: Path | 
 
 
 @contextmanager
-def _own_link(opened: Opened, how: ProcessOptions) -> Iterator[LabConfig]:
-    """The lab as `how` flies it: on links of its own, by its cameras, with its keys."""
+def _own_link(opened: Opened, options: "FlyOptions") -> Iterator[LabConfig]:
+    """The lab as it is flown: on links of its own, by the cameras and with the keys of the options."""
     lab = opened.scenario.lab
-    if how.protocol and opened.lab is not None:  # what the lab file says of its own cameras
+    if options.mocap and opened.lab is not None:  # what the lab file says of its own cameras
         lab = lab.model_copy(update={"mocap": opened.lab.mocap})
-    if how.signed and how.hosts is not None:
+    if options.signed and options.hosts is not None:
         fail("--hosts: drones with keys are processes of their own", NOT_RIGHT)
-    if how.signed:
+    if options.signed:
         lab = lab.model_copy(update={"security": _security(opened)})
-    with private_link(how.link, (v.sysid for v in lab.vehicles if v.sysid is not None)) as link:
+    with private_link(options.link, (v.sysid for v in lab.vehicles if v.sysid is not None)) as link:
         lab = lab.model_copy(update={"link": link.model_copy(update={"imu_rate_hz": lab.link.imu_rate_hz})})
-        yield lab_with(lab, how.protocol) if how.protocol else lab
+        yield lab_with(lab, options.mocap) if options.mocap else lab
 
 
 @dropping_output()
-def _fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) -> tuple[Summary, int]:
-    scenario = opened.scenario
+def _fly(opened: Opened, options: "FlyOptions", ending: Ending) -> tuple[Summary, int]:
+    scenario, speed = opened.scenario, clock.Clock(options.speed)
     files = Files(_folder(ending.out, scenario))
     compile_for(scenario)
     with (
-        _own_link(opened, how) as lab,
+        _own_link(opened, options) as lab,
         Display(Console(stderr=ending.as_json), scenario.name) as display,
     ):
         scenario = scenario.model_copy(update={"lab": lab})
@@ -136,20 +133,20 @@ def _fly(opened: Opened, how: ProcessOptions, seed: int | None, ending: Ending) 
             _interruptible(
                 fly_processes(
                     scenario,
-                    _seed(seed, scenario),
+                    _seed(options.seed, scenario),
                     files,
                     display.progress,
-                    how.force,
-                    clock.Clock(how.speed),
-                    how.watch,
-                    how.hosts,
+                    options.force,
+                    speed,
+                    options.watch,
+                    options.hosts,
                 )
             )
         )
     outcome = flown or Outcome(FlightResult.ABORTED, "interrupted")
     try:
-        speed = how.speed if flown and not scenario.mocap.stall_s else None  # frames held back on purpose are late, too
-        return _conclude(files.mcap, outcome, speed=speed), ABORTED if flown else INTERRUPTED
+        flown_at = speed.speed if flown and not scenario.mocap.stall_s else None  # what is held back on purpose is late
+        return _conclude(files.mcap, outcome, speed=flown_at), ABORTED if flown else INTERRUPTED
     except (FileNotFoundError, LogError):
         fail(f"nothing was logged: {outcome.reason} (see {files.folder})", ABORTED)
 

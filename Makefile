@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 SUPPLY := $(VENV)/supply
 ARGS ?=
 
-.PHONY: fly test nightly fuzz mutants paper docs pictures lock audit wheel check lint setup format clean
+.PHONY: fly test nightly slow campaign fuzz mutants paper docs pictures lock audit wheel check lint setup format clean
 
 fly: $(VENV)/.fly
 	$(BIN)/gcs-sim fly $(ARGS)
@@ -31,11 +31,17 @@ test: $(VENV)/.test
 
 # Long, and seldom to fail where `make test` passes: every Python's wheel, every page's commands, random faults with
 # each monitor's positive control, random bytes, mutants. About an hour and a half on two cores.
-nightly: setup
+nightly:
 	.ci/wheels
+	$(MAKE) slow campaign fuzz mutants
+
+# The tests marked `nightly`, with other random examples every time.
+slow: $(VENV)/.test
 	$(BIN)/pytest -m nightly --hypothesis-profile=searching $(ARGS)
+
+# Random faults, and each monitor's positive control.
+campaign: $(VENV)/.fly
 	$(BIN)/gcs-sim campaign --runs 60 --seed 7 --controls 1
-	$(MAKE) fuzz mutants
 
 fuzz: $(VENV)/.fly
 	$(BIN)/python -m tools.fuzz $(ARGS)

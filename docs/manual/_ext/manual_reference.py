@@ -18,6 +18,7 @@ import manual_drawing
 import manual_texts
 import typer
 from manual_texts import ROOT
+from typer.cli import get_docs_for_click
 
 Row = tuple[str, ...]
 UNITS = {
@@ -56,85 +57,21 @@ PROGRAMS = {
 """The console scripts, and where typer's description of each is."""
 
 
+def named(where: str) -> Any:
+    """What `module:name` is."""
+    module, _, name = where.partition(":")
+    return getattr(importlib.import_module(module), name)
+
+
 def program(name: str) -> Any:
     """The command line of a console script, as click has it."""
-    module, _, attribute = PROGRAMS[name].partition(":")
-    return typer.main.get_command(getattr(importlib.import_module(module), attribute))
+    return typer.main.get_command(named(PROGRAMS[name]))
 
 
 def commands(name: str) -> str:
-    """Every command and option of a program."""
-    root = program(name)
-    pieces = [_about(root)]
-    subcommands = list(_subcommands(root, name))
-    if subcommands:
-        pieces += [_command(path, command) for path, command in subcommands]
-    else:
-        pieces.append(_parameters(root))
-    return "\n\n".join(pieces)
-
-
-def _subcommands(group: Any, path: str) -> Iterator[tuple[str, Any]]:
-    for name, command in getattr(group, "commands", {}).items():
-        if getattr(command, "hidden", False):
-            continue
-        if getattr(command, "commands", None):
-            yield from _subcommands(command, f"{path} {name}")
-        else:
-            yield f"{path} {name}", command
-
-
-def _about(command: Any) -> str:
-    return "\n\n".join(filter(None, (plain(command.help or ""), plain(command.epilog or ""))))
-
-
-def _command(path: str, command: Any) -> str:
-    usage = " ".join([path, *(f"{_metavar(p)}" for p in command.params if p.param_type_name == "argument")])
-    return f"## `{path}`\n\n{_about(command)}\n\n```text\n{usage} [OPTIONS]\n```\n\n{_parameters(command)}"
-
-
-def _parameters(command: Any) -> str:
-    rows = [_parameter(p) for p in command.params if not getattr(p, "hidden", False) and p.name != "help"]
-    rows = [row for row in rows if "--install-completion" not in row[0] and "--show-completion" not in row[0]]
-    return table(("argument or option", "value", "default", "meaning"), rows) if rows else "It has no options."
-
-
-def _parameter(p: Any) -> Row:
-    if p.param_type_name == "argument":
-        return (f"`{_metavar(p)}`", _value_type(p), "required" if p.required else _default(p), plain(p.help or ""))
-    names = ", ".join(f"`{name}`" for name in (*p.opts, *p.secondary_opts))
-    return (names, "flag" if p.is_flag else _value_type(p), _default(p), plain(p.help or ""))
-
-
-def _metavar(p: Any) -> str:
-    return p.metavar or p.name.upper()
-
-
-def _value_type(p: Any) -> str:
-    """What a parameter's value is: by typer's own description, or by click's in the typers that are built on it."""
-    described = getattr(p, "type_descriptor", None)
-    several = ", may be repeated" if getattr(p, "multiple", False) else ""
-    if described is not None:
-        low, high = p.min, p.max
-        kind, choices = _type_text(described.annotation, ())
-        choices = choices.replace('"', "").replace(",", " or")
-    else:
-        low, high = getattr(p.type, "min", None), getattr(p.type, "max", None)
-        choices = " or ".join(f"`{getattr(c, 'value', c)}`" for c in getattr(p.type, "choices", ()))
-        kind = {"text": "text", "integer": "integer", "float": "number"}.get(p.type.name.split()[0], p.type.name)
-    if choices:
-        return choices + several
-    bounds = ", ".join(f"{sign} {bound:g}" for sign, bound in (("≥", low), ("≤", high)) if bound is not None)
-    return kind.removeprefix("list of ") + (f", {bounds}" if bounds else "") + several
-
-
-def _default(p: Any) -> str:
-    value = p.default
-    if p.required:
-        return "required"
-    if callable(value) or value is None or value == [] or value is False or "Sentinel" in type(value).__name__:
-        return "-"
-    return f"`{value}`"
+    """Every command and option of a program, as typer documents them."""
+    command = program(name)
+    return get_docs_for_click(obj=command, ctx=typer.Context(command), name=name, indent=1)
 
 
 def plain(text: str) -> str:
@@ -157,10 +94,8 @@ def exit_codes(_: str = "") -> str:
 
 def keys(which: str) -> str:
     """Every key of a configuration model, `module:Class [without TABLE]`, a section a table of the file."""
-    name, _, without = which.partition(" without ")
-    module, _, attribute = name.partition(":")
-    model = getattr(importlib.import_module(module), attribute)
-    return "\n\n".join(_sections(model, "", attribute.lower(), without))
+    where, _, without = which.partition(" without ")
+    return "\n\n".join(_sections(named(where), "", where.partition(":")[2].lower(), without))
 
 
 def _sections(model: Any, path: str, root: str, without: str = "") -> Iterator[str]:
@@ -478,48 +413,6 @@ def _frame(name: str) -> str:
 # Safety
 
 
-def rules(_: str = "") -> str:
-    """The ground's failsafe matrix."""
-    from formation.safety.rules_table import rules_markdown
-
-    return rules_markdown()
-
-
-def phases(_: str = "") -> str:
-    """The phase table."""
-    from formation.safety.phases import table_markdown
-
-    return table_markdown()
-
-
-def pose_validator(_: str = "") -> str:
-    """The checks of the pose validator."""
-    from mocap.validator import checks_markdown
-
-    return checks_markdown()
-
-
-def stages(_: str = "") -> str:
-    """The guard's stage table."""
-    from drone_agent.guard.stages import table_markdown
-
-    return table_markdown()
-
-
-def guard_signatures(_: str = "") -> str:
-    """The signature table of the guard's navigator."""
-    from drone_agent.guard.integrity import signatures_markdown
-
-    return signatures_markdown()
-
-
-def allow_list(_: str = "") -> str:
-    """What a bridge with keys passes to its autopilot."""
-    from drone_agent.guard.allow_list import allow_list_markdown
-
-    return allow_list_markdown()
-
-
 def guard_times(_: str = "") -> str:
     """The times by which the guard acts."""
     from drone_agent.guard.config import GuardConfig
@@ -726,17 +619,22 @@ def extras(_: str = "") -> str:
     return table(("extra", "installs"), rows)
 
 
+TABLES = {
+    "rules": "formation.safety.rules_table:rules_markdown",
+    "phases": "formation.safety.phases:table_markdown",
+    "pose-validator": "mocap.validator:checks_markdown",
+    "stages": "drone_agent.guard.stages:table_markdown",
+    "guard-signatures": "drone_agent.guard.integrity:signatures_markdown",
+    "allow-list": "drone_agent.guard.allow_list:allow_list_markdown",
+}
+"""By the name that a page uses, a function of the code that returns its table."""
 PIECES: Mapping[str, Callable[[str], str]] = {
-    name.replace("_", "-"): function
-    for name, function in {
-        "commands": commands, "exit_codes": exit_codes, "keys": keys, "profiles": profiles, "presets": presets,
-        "trajectories": trajectories, "shapes": shapes, "scenarios": scenarios, "fault_families": fault_families,
-        "topics": topics, "messages": messages, "rules": rules, "phases": phases, "pose_validator": pose_validator,
-        "stages": stages, "guard_times": guard_times, "guard_signatures": guard_signatures, "events": events,
-        "rejections": rejections, "mavlink": mavlink, "allow_list": allow_list,
-        "autopilot": autopilot, "results": results, "version": version, "extras": extras,
-        "frame_way": manual_drawing.drawing, "equations": manual_drawing.equations,
-    }.items()
+    piece.__name__.replace("_", "-"): piece
+    for piece in (
+        commands, exit_codes, keys, profiles, presets, trajectories, shapes, scenarios, fault_families, topics,
+        messages, guard_times, events, rejections, mavlink, autopilot, results, version, extras,
+        manual_drawing.frame_way, manual_drawing.equations,
+    )
 }  # fmt: skip
 """By the name that a page uses."""
 MARK = re.compile(r"^<!-- generated: (\S+)(?: (.*?))? -->$", re.MULTILINE)
@@ -744,4 +642,8 @@ MARK = re.compile(r"^<!-- generated: (\S+)(?: (.*?))? -->$", re.MULTILINE)
 
 def filled(text: str) -> str:
     """A page with every piece that it asks for in its place."""
-    return MARK.sub(lambda found: PIECES[found[1]](found[2] or ""), text)
+    return MARK.sub(lambda mark: _piece(mark[1], mark[2] or ""), text)
+
+
+def _piece(name: str, argument: str) -> str:
+    return str(named(TABLES[name])()) if name in TABLES else PIECES[name](argument)

@@ -10,7 +10,7 @@ from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_
 from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
-from wire.process.daemon import Awaited, EventSink, Stop, report_missing
+from wire.process.daemon import EventSink, Precondition, Stop, report_missing
 from wire.process.progress import compile_all
 from wire.process.service_manager import READY, Watchdog, notify
 from wire.process.system import prefer_process
@@ -119,10 +119,10 @@ async def run_bridge(config: BridgeConfig, report: EventSink, clock: Clock = REA
             await bus.close()
 
 
-def _awaited_autopilot(where: str, sysid: int, core: GuardCore) -> Awaited:
+def _awaited_autopilot(where: str, sysid: int, core: GuardCore) -> Precondition:
     line = "its baud rate" if where.startswith("serial:") else "its port"
     remedy = f"no heartbeat of system {sysid}: is it on, does it send MAVLink here, is {line} the same?"
-    return Awaited(f"the autopilot at {where}", lambda: core.has_autopilot, remedy)
+    return Precondition(f"the autopilot at {where}", lambda: core.has_autopilot, remedy)
 
 
 def imu_rate_limit_hz(autopilot: str) -> float:

@@ -13,7 +13,7 @@ from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
-from wire.process.daemon import Awaited, EventSink, Punctuality, Stop, report_missing
+from wire.process.daemon import EventSink, Precondition, Punctuality, Stop, report_missing
 from wire.process.progress import compile_all
 from wire.rejections import RejectionLog
 from wire.transport.link import Link
@@ -127,13 +127,13 @@ def _uses_bus(config: SimulatedDroneConfig) -> bool:
     return config.link.kind == "zenoh" or config.is_guarded or config.truth_rate_hz > 0.0
 
 
-def _awaited(pumps: Sequence[_Pump], bus: ZenohBus) -> list[list[Awaited]]:
+def _awaited(pumps: Sequence[_Pump], bus: ZenohBus) -> list[list[Precondition]]:
     """What each waits for: the first for the bus that all share, each for its own pose."""
     poses = [[_awaited_pose(pump)] if pump.config.is_guarded else [] for pump in pumps]
     return [[awaited_bus(pumps[0].config, bus), *poses[0]], *poses[1:]]
 
 
-def _awaited_pose(pump: _Pump) -> Awaited:
+def _awaited_pose(pump: _Pump) -> Precondition:
     return awaited_pose(pump.config, lambda: pump.has_pose)
 
 

@@ -7,7 +7,7 @@ from drone_agent.guard.config import GuardConfig
 from formation.exposure import drone_identity
 from wire.clock import REAL_TIME, Clock
 from wire.errors import ConfigError
-from wire.process.daemon import Awaited, bus_at
+from wire.process.daemon import Precondition, bus_at
 from wire.rejections import RejectionLog
 from wire.security.bus_access import BusAccess, ExposedError
 from wire.security.private_keys import mavlink_key_file
@@ -64,7 +64,7 @@ async def open_ground_link(
         raise OSError(f"link to {config.link.host}, own port {port}: {error.strerror or error}") from error
 
 
-def awaited_bus(config: GuardConfig, bus: ZenohBus) -> Awaited:
+def awaited_bus(config: GuardConfig, bus: ZenohBus) -> Precondition:
     """The lab's ground, mocap or router."""
     remedy = (
         "nobody is there: start the ground (`gcs run lab.toml`), or say where it is with --zenoh-connect tcp/HOST:7447"
@@ -72,10 +72,10 @@ def awaited_bus(config: GuardConfig, bus: ZenohBus) -> Awaited:
     return bus_at(config.link.zenoh_connect, lambda: bus.is_joined, remedy)
 
 
-def awaited_pose(config: GuardConfig, has_pose: Callable[[], bool]) -> Awaited:
+def awaited_pose(config: GuardConfig, has_pose: Callable[[], bool]) -> Precondition:
     """Frames in which the mocap sees this drone's body."""
     remedy = (
         f"no frame of lab {config.lab!r} shows it: --lab and --body are names of the lab file, and "
         "`gcs mocap lab.toml` shows what the cameras see"
     )
-    return Awaited(f"the mocap's pose of {config.body_name!r}", has_pose, remedy)
+    return Precondition(f"the mocap's pose of {config.body_name!r}", has_pose, remedy)

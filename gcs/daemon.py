@@ -51,7 +51,7 @@ from wire.files import make_folder
 from wire.ground_state import Cycles, LogFile, encode
 from wire.logs.live import sharer
 from wire.logs.mcap_write import LogWriter, record_dates
-from wire.process.daemon import Awaited, bus_at, report_missing
+from wire.process.daemon import Precondition, bus_at, report_missing
 from wire.process.deadline import Deadline
 from wire.process.output import lost_lines
 from wire.process.program import fail, print_event, print_event_json
@@ -306,7 +306,7 @@ class GroundFailure(RuntimeError):
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class RunResult:
     """How a run of the ground ended. cause: of its last phase; not_landed: drones whose motors may still turn."""
 
     phase: Phase
@@ -325,7 +325,7 @@ async def run(
     report: EventSink,
     clock: Clock = REAL_TIME,
     protection: Protection = LOOPBACK_ONLY,
-) -> Ended:
+) -> RunResult:
     """Run the ground until SIGINT or SIGTERM; in flight it lands the swarm first, a second signal ends it at once.
 
     lab_file: where `config` was read, for the mocap process, if one has to be started. protection: of every link.
@@ -360,7 +360,7 @@ async def run(
             finally:
                 ground.links.close()
         state = core.state(clock.monotonic_ns())
-        return Ended(ground.phase, state.cause, ground.timing, log.lost, state.not_landed)
+        return RunResult(ground.phase, state.cause, ground.timing, log.lost, state.not_landed)
     finally:
         await bus.close()
 
@@ -441,7 +441,7 @@ def _first_failure(group: BaseExceptionGroup[BaseException]) -> BaseException:
     return GroundFailure(f"{type(error).__name__}: {error}")
 
 
-def awaited_by_ground(config: LabConfig, bus: ZenohBus, ground: Ground) -> list[Awaited]:
+def awaited_by_ground(config: LabConfig, bus: ZenohBus, ground: Ground) -> list[Precondition]:
     """The bus where another listens, frames, and each drone."""
     awaited = []
     if not bus.listens:
@@ -449,15 +449,17 @@ def awaited_by_ground(config: LabConfig, bus: ZenohBus, ground: Ground) -> list[
         awaited.append(bus_at(config.link.zenoh_connect, lambda: bus.is_joined, remedy))
     if config.mocap.source != "mavlink":
         remedy = "none has come: `gcs mocap discover` finds camera systems, `gcs doctor` says what is amiss"
-        awaited.append(Awaited(f"frames of mocap source {config.mocap.source!r}", lambda: ground.has_frame, remedy))
+        awaited.append(
+            Precondition(f"frames of mocap source {config.mocap.source!r}", lambda: ground.has_frame, remedy)
+        )
     return awaited + [_awaited_drone(config.vehicles[i], ground) for i in config.commanded]
 
 
-def _awaited_drone(vehicle: VehicleBody, ground: Ground) -> Awaited:
+def _awaited_drone(vehicle: VehicleBody, ground: Ground) -> Precondition:
     sysid = vehicle.sysid or 0
     where = f"at its link {vehicle.link}" if vehicle.link else f"as system {sysid}"
     remedy = f"nothing is heard {where}: is it on, and its bridge (`drone-agent --sysid {sysid} --bridge ...`)?"
-    return Awaited(f"drone {vehicle.body}", lambda: sysid in ground.received_sysids, remedy)
+    return Precondition(f"drone {vehicle.body}", lambda: sysid in ground.received_sysids, remedy)
 
 
 def know_other_grounds(bus: ZenohBus, name: str, session: int, ground: Ground) -> None:
@@ -530,7 +532,7 @@ def _key_operations(config: LabConfig, lab_file: Path) -> dict[str, str]:
     return {"key_operations": read_operations(keys_folder(config.security.keys, lab_file))}
 
 
-def _report(ended: Ended, log: Path, as_json: bool, priority: str) -> None:
+def _report(ended: RunResult, log: Path, as_json: bool, priority: str) -> None:
     timing = ended.timing
     worst_ms = round(timing.worst_s * 1e3, 2)
     if as_json:

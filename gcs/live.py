@@ -18,9 +18,9 @@ import zenoh
 from mcap.writer import CompressionType, Writer
 
 from formation.config import LinkConfig
-from wire.logs.live import Described, LiveLog, keys
+from wire.logs.live import ChannelDescription, LiveLog, keys
 from wire.logs.scene import rerun_blueprint, show_bodies
-from wire.process.daemon import GROUND_REMEDY, Awaited, Stop, report_missing
+from wire.process.daemon import GROUND_REMEDY, Precondition, Stop, report_missing
 from wire.process.system import python_command
 from wire.security.bus_access import free_loopback_port
 from wire.security.protection import LOOPBACK_ONLY, Protection
@@ -41,7 +41,7 @@ class ViewerError(RuntimeError):
 class Viewer(Protocol):
     """Where channels and messages go."""
 
-    def begin(self, channels: Mapping[int, Described]) -> None:
+    def begin(self, channels: Mapping[int, ChannelDescription]) -> None:
         """Another log begins."""
 
     def show(self, channel: int, unix_ns: int, data: bytes) -> None:
@@ -68,7 +68,7 @@ class Foxglove:
             raise ViewerError(f"no WebSocket server on {host}:{port}: {error}") from error
         self.port: int = self._server.port
 
-    def begin(self, channels: Mapping[int, Described]) -> None:
+    def begin(self, channels: Mapping[int, ChannelDescription]) -> None:
         """Announce the log's channels in place of the last one's."""
         for channel in self._channels.values():
             channel.close()
@@ -103,7 +103,7 @@ class Rerun:
         except ImportError as error:
             raise ViewerError(MISSING.format("rerun-sdk")) from error
         self._sdk: Any = rerun
-        self._channels: Mapping[int, Described] = {}
+        self._channels: Mapping[int, ChannelDescription] = {}
         self._pending: list[tuple[int, int, bytes]] = []
         rerun.init(APPLICATION)
         try:
@@ -113,7 +113,7 @@ class Rerun:
         except Exception as error:
             raise ViewerError(f"no Rerun: {error}") from error
 
-    def begin(self, channels: Mapping[int, Described]) -> None:
+    def begin(self, channels: Mapping[int, ChannelDescription]) -> None:
         """What was pending belongs to the last log."""
         self._flush()
         self._channels = channels
@@ -149,7 +149,7 @@ def _open_viewer() -> str:
     raise OSError(f"its viewer ended with exit code {viewer.returncode}")
 
 
-def file_of(channels: Mapping[int, Described], messages: list[tuple[int, int, bytes]]) -> bytes:
+def file_of(channels: Mapping[int, ChannelDescription], messages: list[tuple[int, int, bytes]]) -> bytes:
     """A whole MCAP file of these messages."""
     stream = BytesIO()
     writer = Writer(stream, compression=CompressionType.NONE)
@@ -213,7 +213,7 @@ async def run(
     def receive_chunk(sample: zenoh.Sample) -> None:
         live.receive_chunk(sample.payload.to_bytes())
 
-    ground = Awaited(f"the log of ground {name!r}", lambda: live.begun, GROUND_REMEDY)
+    ground = Precondition(f"the log of ground {name!r}", lambda: live.begun, GROUND_REMEDY)
     awaited_task = asyncio.create_task(
         report_missing("live", [ground], lambda event: report(f"{event.source}: {event.text}"))
     )

@@ -54,7 +54,7 @@ def _is_joystick(device: str) -> bool:
     return name.startswith("js") or (name.endswith("-joystick") and not name.endswith("-event-joystick"))
 
 
-class Pressed(Protocol):
+class StopReceiver(Protocol):
     """The ground, which receives the presses."""
 
     button_trouble: str
@@ -63,7 +63,7 @@ class Pressed(Protocol):
         """The button was pressed."""
 
 
-async def watch_button(button: StopButton | None, ground: Pressed) -> None:
+async def watch_button(button: StopButton | None, ground: StopReceiver) -> None:
     """Report every press and each device error, until cancelled; returns at once without a button."""
     if button is None:
         return
@@ -75,7 +75,7 @@ async def watch_button(button: StopButton | None, ground: Pressed) -> None:
         await asyncio.sleep(AGAIN_S)
 
 
-async def _until_gone(button: StopButton, ground: Pressed) -> None:
+async def _until_gone(button: StopButton, ground: StopReceiver) -> None:
     """Read the device; OSError when it cannot be opened, or is unplugged."""
     device = os.open(button.device, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:

@@ -27,7 +27,7 @@ class Mounting(NamedTuple):
     q_marker_from_flu: Float
 
 
-class Aligned(NamedTuple):
+class AlignedFrame(NamedTuple):
     """What `_align` fills: pos (n, 3), q (n, 4), seen (n) and each body's Rejection (n), which come in as zeros."""
 
     pos_lab_m: Float
@@ -56,7 +56,7 @@ class Alignment:
         One that is named twice is unseen.
         """
         n = len(self.bodies)
-        out = Aligned(np.zeros((n, 3)), np.zeros((n, 4)), np.zeros(n, np.bool_), np.zeros(n, np.uint8))
+        out = AlignedFrame(np.zeros((n, 3)), np.zeros((n, 4)), np.zeros(n, np.bool_), np.zeros(n, np.uint8))
         indices = self._indices(raw.bodies)
         _align(indices, raw.pos_mocap_m, raw.q_mocap_from_marker, raw.seen, self._mounting, out)
         return LabFrame(
@@ -82,7 +82,7 @@ def _product(a: Float, b: Float, out: Float) -> None:
 
 @kernel
 def _align(
-    indices: Indices, pos_mocap_m: Float, q_mocap_from_marker: Float, seen: Bool, mounting: Mounting, out: Aligned
+    indices: Indices, pos_mocap_m: Float, q_mocap_from_marker: Float, seen: Bool, mounting: Mounting, out: AlignedFrame
 ) -> None:
     """pos_lab = R pos_mocap + origin, q_lab_from_flu = q_lab_from_mocap q_mocap_from_marker q_marker_from_flu."""
     q_lab_from_marker = np.empty(4)

@@ -39,11 +39,11 @@ from wire import version
 from wire.clock import Clock
 from wire.ground_state import decode
 from wire.logs.mcap_write import LogWriter
-from wire.process.daemon import GROUND_REMEDY, Awaited, EventSink, Stop, bus_at, report_missing
-from wire.process.service_manager import READY, Watchdog, notify
+from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, bus_at, report_missing
 from wire.process.output import dropping_output
 from wire.process.program import COLOURS, fail, print_event, print_event_json
 from wire.process.progress import compile_all
+from wire.process.service_manager import READY, Watchdog, notify
 from wire.process.system import NOT_RIGHT, REJECTED, machine, prefer_process
 from wire.rejections import RejectionLog
 from wire.security.protection import LOOPBACK_ONLY, Protection
@@ -215,7 +215,7 @@ async def run(
         gc.freeze()  # what start-up made lives as long as the process: collections between frames need not look at it
         awaited = (
             bus_at(config.link.joined.zenoh_connect, lambda: bus.is_joined, GROUND_REMEDY),
-            Awaited(f"frames of source {config.mocap.source!r}", lambda: mocap.has_frame, _remedy(config)),
+            Precondition(f"frames of source {config.mocap.source!r}", lambda: mocap.has_frame, _remedy(config)),
         )
         awaited_task = asyncio.create_task(report_missing(SOURCE, awaited, mocap.report, bus.others))
         await _first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())

@@ -73,7 +73,7 @@ class Files:
 
 
 @dataclass(frozen=True, slots=True)
-class Running:
+class FlightProcesses:
     """A flight's processes, and the operator's session on their bus."""
 
     group: ProcessGroup
@@ -132,7 +132,7 @@ async def running(
     drones_link: LinkConfig | None = None,
     page: bool = False,
     hosts: int | None = None,
-) -> AsyncIterator[Running]:
+) -> AsyncIterator[FlightProcesses]:
     """All processes of the scenario, logging into `files`; on leaving the ground is stopped first, and lands.
 
     page: serve the operator's page, too. drones_link, hosts: as of `simulated`.
@@ -154,7 +154,7 @@ async def running(
         protection = lab_protection(scenario.lab.security, files.lab, TOOL)
         bus = await ZenohBus.open(scenario.lab.link, scenario.lab.name, protection=protection)
         try:
-            yield Running(group, ground, bus)
+            yield FlightProcesses(group, ground, bus)
         finally:
             await bus.close()
 
@@ -194,7 +194,7 @@ async def practise(
         await group.watch()
 
 
-async def fly_on(flight: Running, scenario: Scenario, progress: Progress, clock: Clock = REAL_TIME) -> Outcome:
+async def fly_on(flight: FlightProcesses, scenario: Scenario, progress: Progress, clock: Clock = REAL_TIME) -> Outcome:
     """Fly the scenario to its end by processes that are running."""
     operator = Operator(scenario.script, leader_seconds(scenario, recorded_leader(scenario)))
     return await _first(flight.group.watch(), operate(flight.bus, operator, scenario.longest_s, progress, clock))

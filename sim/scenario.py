@@ -125,7 +125,7 @@ class Scenario(Model):
 
 
 @dataclass(frozen=True, slots=True)
-class Opened:
+class ScenarioFile:
     """A scenario as it was found.
 
     lab_file, lab: where it flies a lab file: that file, and all that stands in it, real links and cameras included.
@@ -141,7 +141,7 @@ def load(name_or_path: str) -> Scenario:
     return find(name_or_path).scenario
 
 
-def find(name_or_path: str) -> Opened:
+def find(name_or_path: str) -> ScenarioFile:
     """The shipped scenario of that name, or a file: a scenario with its lab, one that names a lab file, or a lab file.
 
     wire.config_file.ConfigError where it is not right.
@@ -156,14 +156,14 @@ def find(name_or_path: str) -> Opened:
         return _of_lab_file(path, path.parent / named, values)
     if named is None and not ONLY_IN_SCENARIOS & set(values):
         return _of_lab_file(path, path, {})
-    return Opened(_beside(path, config_file.parse(values, Scenario, source=str(path), folder=path.parent)))
+    return ScenarioFile(_beside(path, config_file.parse(values, Scenario, source=str(path), folder=path.parent)))
 
 
-def _of_lab_file(path: Path, lab_file: Path, values: dict[str, Any]) -> Opened:
+def _of_lab_file(path: Path, lab_file: Path, values: dict[str, Any]) -> ScenarioFile:
     lab = config_file.load(lab_file, LabConfig)
     named = {"name": lab.name} | values
     scenario = config_file.parse(scenario_values(lab, named), Scenario, source=str(path), folder=path.parent)
-    return Opened(_beside(path, scenario), lab_file, lab)
+    return ScenarioFile(_beside(path, scenario), lab_file, lab)
 
 
 def _beside(path: Path, scenario: Scenario) -> Scenario:

@@ -703,7 +703,7 @@ class SystemTime(NamedTuple):
     t_boot_ms: int
 
 
-class Unknown(NamedTuple):
+class UnknownMessage(NamedTuple):
     """A well-formed packet of a message id that nothing here reads; counted, never an error."""
 
     message_id: int
@@ -715,7 +715,7 @@ LinkMessage = (
     | CommandInt | CommandAck | SetMode | TimeSync | Ping | SystemTime | ParamValue | ParamSet | ParamRequestRead
     | ParamRequestList | AutopilotVersion | AttitudeTargetReport | SimTruth | NamedValue | PositionSetpoint | SetOrigin
     | Origin | MessageInterval | MissionRequestList | MissionCount | LogRequestList | LogEntry | InertialSample
-    | Unknown
+    | UnknownMessage
 )  # fmt: skip
 
 

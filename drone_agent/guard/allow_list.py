@@ -11,7 +11,7 @@ from wire.link_messages import MavCommand, MessageId
 from wire.mavlink.framing import Frame
 
 
-class When(StrEnum):
+class MotorState(StrEnum):
     """In which state of the motors a packet passes."""
 
     ALWAYS = "always"
@@ -19,7 +19,7 @@ class When(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Allowed:
+class AllowedMessage:
     """One row: a message id, its name, and when it passes.
 
     target_at: the byte of the payload that has the target system, which must be the drone's; None: not looked at.
@@ -27,7 +27,7 @@ class Allowed:
 
     number: int
     name: str
-    when: When = When.ALWAYS
+    when: MotorState = MotorState.ALWAYS
     target_at: int | None = None
 
 
@@ -37,29 +37,29 @@ class AllowedCommand:
 
     number: int
     name: str
-    when: When = When.ALWAYS
+    when: MotorState = MotorState.ALWAYS
 
 
 ALLOWED = (
-    Allowed(0, "HEARTBEAT"),
-    Allowed(2, "SYSTEM_TIME"),
-    Allowed(4, "PING"),
-    Allowed(11, "SET_MODE", target_at=4),
-    Allowed(20, "PARAM_REQUEST_READ", target_at=2),
-    Allowed(21, "PARAM_REQUEST_LIST", target_at=0),
-    Allowed(48, "SET_GPS_GLOBAL_ORIGIN", When.DISARMED, target_at=12),
-    Allowed(75, "COMMAND_INT", target_at=30),
-    Allowed(76, "COMMAND_LONG", target_at=30),
-    Allowed(77, "COMMAND_ACK"),
-    Allowed(82, "SET_ATTITUDE_TARGET", target_at=36),
-    Allowed(84, "SET_POSITION_TARGET_LOCAL_NED", target_at=50),
-    Allowed(102, "VISION_POSITION_ESTIMATE"),
-    Allowed(111, "TIMESYNC"),
-    Allowed(117, "LOG_REQUEST_LIST", When.DISARMED, target_at=4),
-    Allowed(119, "LOG_REQUEST_DATA", When.DISARMED, target_at=10),
-    Allowed(122, "LOG_REQUEST_END", target_at=0),
-    Allowed(138, "ATT_POS_MOCAP"),
-    Allowed(331, "ODOMETRY"),
+    AllowedMessage(0, "HEARTBEAT"),
+    AllowedMessage(2, "SYSTEM_TIME"),
+    AllowedMessage(4, "PING"),
+    AllowedMessage(11, "SET_MODE", target_at=4),
+    AllowedMessage(20, "PARAM_REQUEST_READ", target_at=2),
+    AllowedMessage(21, "PARAM_REQUEST_LIST", target_at=0),
+    AllowedMessage(48, "SET_GPS_GLOBAL_ORIGIN", MotorState.DISARMED, target_at=12),
+    AllowedMessage(75, "COMMAND_INT", target_at=30),
+    AllowedMessage(76, "COMMAND_LONG", target_at=30),
+    AllowedMessage(77, "COMMAND_ACK"),
+    AllowedMessage(82, "SET_ATTITUDE_TARGET", target_at=36),
+    AllowedMessage(84, "SET_POSITION_TARGET_LOCAL_NED", target_at=50),
+    AllowedMessage(102, "VISION_POSITION_ESTIMATE"),
+    AllowedMessage(111, "TIMESYNC"),
+    AllowedMessage(117, "LOG_REQUEST_LIST", MotorState.DISARMED, target_at=4),
+    AllowedMessage(119, "LOG_REQUEST_DATA", MotorState.DISARMED, target_at=10),
+    AllowedMessage(122, "LOG_REQUEST_END", target_at=0),
+    AllowedMessage(138, "ATT_POS_MOCAP"),
+    AllowedMessage(331, "ODOMETRY"),
 )
 ALLOWED_COMMANDS = (
     AllowedCommand(20, "NAV_RETURN_TO_LAUNCH"),
@@ -67,7 +67,7 @@ ALLOWED_COMMANDS = (
     AllowedCommand(22, "NAV_TAKEOFF"),
     AllowedCommand(176, "DO_SET_MODE"),
     AllowedCommand(185, "DO_FLIGHTTERMINATION"),
-    AllowedCommand(246, "PREFLIGHT_REBOOT_SHUTDOWN", When.DISARMED),
+    AllowedCommand(246, "PREFLIGHT_REBOOT_SHUTDOWN", MotorState.DISARMED),
     AllowedCommand(400, "COMPONENT_ARM_DISARM, arming past the checks excepted"),
     AllowedCommand(410, "GET_HOME_POSITION"),
     AllowedCommand(510, "GET_MESSAGE_INTERVAL"),
@@ -129,7 +129,7 @@ def reject_reason(version: int, number: int, payload: bytes, sysid: int, *, arme
     row = _ROWS.get(number)
     if row is None:
         return UNLISTED
-    if armed and row.when is When.DISARMED:
+    if armed and row.when is MotorState.DISARMED:
         return ARMED
     if row.target_at is None:
         return ""
@@ -144,7 +144,7 @@ def _command_reject_reason(payload: bytes, *, armed: bool) -> str:
     row = _COMMANDS.get(command)
     if row is None:
         return UNLISTED_COMMAND
-    if armed and row.when is When.DISARMED:
+    if armed and row.when is MotorState.DISARMED:
         return ARMED
     forces_arming = payload[_ACTION] != _ZERO and payload[_FORCE] != _ZERO
     return PAST_CHECKS if command == _ARM_DISARM and forces_arming else ""

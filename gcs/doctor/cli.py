@@ -50,7 +50,7 @@ def doctor(
     from mocap.service import ServiceError
 
     try:
-        findings = uvloop.run(_doctor(config, lab, seconds, still, as_json, _Fixing(fix, yes), insecure))
+        findings = uvloop.run(_doctor(config, lab, seconds, still, as_json, _FixOptions(fix, yes), insecure))
     except ServiceError as error:
         fail(str(error), error.code)
     except ValueError as error:
@@ -91,7 +91,7 @@ def logs(
         raise typer.Exit(REJECTED)
 
 
-class _Fixing:
+class _FixOptions:
     """Whether to write what would put findings right, and whether to ask first."""
 
     def __init__(self, wanted: bool, unasked: bool) -> None:
@@ -109,7 +109,7 @@ async def _doctor(
     seconds: float,
     still: bool,
     as_json: bool,
-    fixing: _Fixing,
+    fixing: _FixOptions,
     insecure: bool,
 ) -> Sequence["Finding"]:
     from rich.console import Console
@@ -130,7 +130,7 @@ async def _doctor(
         return findings
 
 
-async def _write(survey: "Survey", lab_file: Path, findings: Sequence["Finding"], fixing: _Fixing) -> None:
+async def _write(survey: "Survey", lab_file: Path, findings: Sequence["Finding"], fixing: _FixOptions) -> None:
     """Write what is agreed to; what was found stays found until the doctor is asked again."""
     written: list[Fix] = []
     for finding in findings:
@@ -151,7 +151,7 @@ async def _write(survey: "Survey", lab_file: Path, findings: Sequence["Finding"]
         await _detect_restarts(survey, lab_file, written, fixing)
 
 
-async def _detect_restarts(survey: "Survey", lab_file: Path, written: "Sequence[Fix]", fixing: _Fixing) -> None:
+async def _detect_restarts(survey: "Survey", lab_file: Path, written: "Sequence[Fix]", fixing: _FixOptions) -> None:
     """Wait until what was written is saved and, where an operator is there, restarted; then read it back."""
     import asyncio
 

@@ -34,7 +34,7 @@ PATH_POINTS = 60
 
 
 @dataclass(frozen=True, slots=True)
-class Foreseen:
+class Forecast:
     """Where the slots would be and the leader would go, what is against it, and what is to be said of it."""
 
     slots_lab_m: tuple[Point, ...]
@@ -43,34 +43,34 @@ class Foreseen:
     text: str
 
 
-def shape(asked: str, state: GroundState, config: LabConfig) -> Foreseen:
+def shape(asked: str, state: GroundState, config: LabConfig) -> Forecast:
     """A shape in an operator's words, NAME [scale=S] [heading=DEGREES], asked for now."""
     try:
         wanted = shape_for(config, parse(asked))
         require_separation(wanted, space(config, 0.0), names(config))
     except ValueError as error:
-        return Foreseen((), (), (str(error),), "")
+        return Forecast((), (), (str(error),), "")
     return _judged(wanted, state, config, forming=state.phase is Phase.FORMATION, starting=False)
 
 
-def start(state: GroundState, config: LabConfig) -> Foreseen:
+def start(state: GroundState, config: LabConfig) -> Forecast:
     """A start now, in the shape that is set."""
     return _judged(shape_for(config, parse(state.shape)), state, config, forming=True, starting=True)
 
 
-def trajectory(asked: str, state: GroundState, config: LabConfig) -> Foreseen:
+def trajectory(asked: str, state: GroundState, config: LabConfig) -> Forecast:
     """One of the leader's trajectories, by name, flown from now on."""
     try:
         lab = config.flying(asked)
     except ValueError as error:
-        return Foreseen((), (), (str(error),), "")
+        return Forecast((), (), (str(error),), "")
     pose, _ = _leader_pose(state, config, aloft=state.phase is Phase.HOLD)
     ahead = foreseen(shape_for(config, parse(state.shape)), pose, None, 0.0, lab)
     against = (*state.allowed[Verb.TRAJECTORY], *_texts(trajectory_reject_reasons(ahead, lab)))
-    return Foreseen((), _leader_path(ahead), against, f"{asked}: {trajectory_text(lab, ahead)}")
+    return Forecast((), _leader_path(ahead), against, f"{asked}: {trajectory_text(lab, ahead)}")
 
 
-def _judged(wanted: Shape, state: GroundState, config: LabConfig, forming: bool, starting: bool) -> Foreseen:
+def _judged(wanted: Shape, state: GroundState, config: LabConfig, forming: bool, starting: bool) -> Forecast:
     config = config.flying(state.trajectory)
     pose, seen = _leader_pose(state, config, forming)
     path, path_s = None, 0.0
@@ -92,7 +92,7 @@ def _judged(wanted: Shape, state: GroundState, config: LabConfig, forming: bool,
     against += _texts(leader_path_reject_reasons(ahead, config)) if starting else ()
     against += _texts(slot_reject_reasons(ahead, config))
     slots = about(_point(pose), float(pose[3]), wanted.offset_lead_m)
-    return Foreseen(slots, _leader_path(ahead) if config.leader.sysid is not None else (), tuple(against), text)
+    return Forecast(slots, _leader_path(ahead) if config.leader.sysid is not None else (), tuple(against), text)
 
 
 def _texts(rejects: Sequence[Reject]) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Any
 from formation.config import LabConfig
 from formation.messages import Event, EventCode, Phase, Severity, Verb
 from gcs.alarms import ShownAlarms
-from gcs.page.foresee import Foreseen, shape, start, trajectory
+from gcs.page.foresee import Forecast, shape, start, trajectory
 from gcs.page.scene import Scene, Trails, scene
 from gcs.page.show import LOST_S, NOTHING_YET, Show, none_of_ours, show
 from wire.ground_state import GroundState, decode
@@ -63,7 +63,7 @@ class Model:
         self.control = Control()
         self.state: GroundState | None = None
         self.scene = Scene((), (), (), ())
-        self.start: Foreseen | None = None
+        self.start: Forecast | None = None
         self._mocap: dict[str, Any] | None = None
         self._trails = Trails()
         self._state_ns = self._mocap_ns = self._start_ns = 0
@@ -109,10 +109,10 @@ class Model:
         """Whether a trajectory of the leader's can be chosen now."""
         return self.state is not None and not self.state.allowed[Verb.TRAJECTORY]
 
-    def foresee(self, asked: str) -> Foreseen | None:
+    def foresee(self, asked: str) -> Forecast | None:
         """A shape before it is asked for; None until the ground was heard."""
         return None if self.state is None else shape(asked, self.state, self.config)
 
-    def foresee_trajectory(self, asked: str) -> Foreseen | None:
+    def foresee_trajectory(self, asked: str) -> Forecast | None:
         """A trajectory of the leader's before it is asked for; likewise."""
         return None if self.state is None else trajectory(asked, self.state, self.config)

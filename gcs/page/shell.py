@@ -27,7 +27,7 @@ from gcs.security.page_logins import Logins, Visitor, read_tokens
 from gcs.security.roles import visitor_source
 from wire.clock import Clock, unix_us
 from wire.errors import ConfigError
-from wire.process.daemon import GROUND_REMEDY, Awaited, report_missing
+from wire.process.daemon import GROUND_REMEDY, Precondition, report_missing
 from wire.process.program import print_event
 from wire.process.system import own_name
 from wire.rejections import RejectionLog
@@ -129,7 +129,7 @@ class Page:
 
     async def report_awaited(self) -> None:
         """Say on the terminal, too, that no ground is heard, and when one is."""
-        ground = Awaited(f"ground {self._ground!r}", lambda: self.model.state is not None, GROUND_REMEDY)
+        ground = Precondition(f"ground {self._ground!r}", lambda: self.model.state is not None, GROUND_REMEDY)
         await report_missing("page", [ground], print_event)
 
     async def watch(self) -> None:

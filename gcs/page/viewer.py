@@ -17,7 +17,7 @@ from formation.security_config import MAY_ASK, Role
 from gcs.alarms import severities
 from gcs.page import drawing
 from gcs.page.drawing import Stand, above, perspective
-from gcs.page.foresee import Foreseen
+from gcs.page.foresee import Forecast
 from gcs.page.model import Model
 from gcs.page.show import LABELS, VERBS, Show
 from gcs.security.page_logins import Visitor
@@ -47,7 +47,7 @@ class Viewer:
         self._answered: int | None = None
         """The beat of the last answer that is shown."""
         self._previewing: Form | None = None
-        self._foreseen: Foreseen | None = None
+        self._foreseen: Forecast | None = None
         fence = model.config.limits.fence
         self._crowd = len(model.config.commanded) > MANY
         self._above = above(fence, WIDE, HIGH)
@@ -125,7 +125,7 @@ class Viewer:
         verb: Verb,
         fields: Iterable[ValueElement[Any]],
         asked: Callable[[], str],
-        foresee: Callable[[str], Foreseen | None],
+        foresee: Callable[[str], Forecast | None],
     ) -> "Form":
         """The end of a form: what is foreseen of what its fields ask for, and the button that asks."""
         preview = ui.html("", sanitize=False).classes("wide")
@@ -279,6 +279,6 @@ class Form:
 
     verb: Verb
     asked: Callable[[], str]
-    foresee: Callable[[str], Foreseen | None]
+    foresee: Callable[[str], Forecast | None]
     preview: ui.html
     button: ui.button

@@ -17,17 +17,17 @@ CLOCK_DOUBT = timedelta(days=1)
 
 
 @dataclass(frozen=True, slots=True)
-class Issued:
+class KeyPair:
     """A certificate and its private key, both PEM."""
 
     certificate: bytes
     private: bytes
 
     def __repr__(self) -> str:
-        return "Issued(...)"  # the key is nobody's to see
+        return "KeyPair(...)"  # the key is nobody's to see
 
 
-def new_authority(lab: str, now: datetime) -> Issued:
+def new_authority(lab: str, now: datetime) -> KeyPair:
     """The lab's own authority, self-signed, which may sign certificates of identities and no further authority."""
     key = ec.generate_private_key(ec.SECP256R1())
     name = _name(f"{lab} authority")
@@ -39,7 +39,7 @@ def new_authority(lab: str, now: datetime) -> Issued:
     return _issued(builder, key, key)
 
 
-def new_identity(authority: Issued, identity: str, hosts: Sequence[str], now: datetime) -> Issued:
+def new_identity(authority: KeyPair, identity: str, hosts: Sequence[str], now: datetime) -> KeyPair:
     """A certificate of an identity. hosts: the names and addresses by which others connect to it."""
     issuer, issuer_key = x509.load_pem_x509_certificate(authority.certificate), _key(authority)
     key = ec.generate_private_key(ec.SECP256R1())
@@ -103,15 +103,15 @@ def _builder(
 
 def _issued(
     builder: x509.CertificateBuilder, key: ec.EllipticCurvePrivateKey, issuer_key: ec.EllipticCurvePrivateKey
-) -> Issued:
+) -> KeyPair:
     certificate = builder.sign(issuer_key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
     private = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
-    return Issued(certificate, private)
+    return KeyPair(certificate, private)
 
 
-def _key(issued: Issued) -> ec.EllipticCurvePrivateKey:
+def _key(issued: KeyPair) -> ec.EllipticCurvePrivateKey:
     key = serialization.load_pem_private_key(issued.private, None)
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise ValueError("the authority's private key is of another kind than the lab's keys are")

@@ -18,7 +18,7 @@ from typing import Any
 from formation.config import LabConfig
 from formation.exposure import GROUND, MOCAP, OWN_IDENTITIES, PAGE, TOOL, drone_identity, endpoint_host, numbered
 from formation.security_config import SecurityConfig
-from gcs.security.certificates import Issued, common_name, expiry, hosts_in, new_authority, new_identity
+from gcs.security.certificates import KeyPair, common_name, expiry, hosts_in, new_authority, new_identity
 from gcs.security.page_logins import drop_token, new_token
 from wire.errors import ConfigError
 from wire.files import make_folder
@@ -50,7 +50,7 @@ EXPIRES_SOON = timedelta(days=30)
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class IdentityKeys:
     """One identity's keys as they are: its role, the name and the end of its certificate, whether it is revoked."""
 
     identity: str
@@ -134,14 +134,14 @@ class KeyFolder:
         found = [*(own / name for name in wanted), *sorted(own.glob("mavlink-*.key"))]
         return {path.name: path.read_text(encoding="ascii") for path in found if path.exists()}
 
-    def held(self) -> Iterator[Held]:
+    def held(self) -> Iterator[IdentityKeys]:
         """Every identity of the lab that has keys."""
         for identity in identities(self._config):
             own = self.path / identity
             if (own / NAME).exists():
                 role = self._security.role_of(identity)
                 certificate = (own / CERTIFICATE).read_bytes()
-                yield Held(
+                yield IdentityKeys(
                     identity, role or "-", read_name(own / NAME), expiry(certificate), (own / REVOKED).exists()
                 )  # fmt: skip
 
@@ -230,9 +230,9 @@ class KeyFolder:
         """Whether the lab has an address by now that the identity's certificate does not name."""
         return not set(self._hosts()) <= hosts_in((self.path / identity / CERTIFICATE).read_bytes())
 
-    def _authority(self) -> Issued:
+    def _authority(self) -> KeyPair:
         demand_private(self.path / AUTHORITY_PRIVATE)
-        return Issued((self.path / AUTHORITY).read_bytes(), (self.path / AUTHORITY_PRIVATE).read_bytes())
+        return KeyPair((self.path / AUTHORITY).read_bytes(), (self.path / AUTHORITY_PRIVATE).read_bytes())
 
     def _hosts(self) -> tuple[str, ...]:
         """The names by which others connect to a process of the lab."""

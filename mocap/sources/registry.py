@@ -11,7 +11,7 @@ from mocap.sources.source import Feed, Source, SourceStatus
 from wire.transport.mocap_bus import MocapBus
 
 
-class Published:
+class BusSource:
     """Whoever publishes. Its stamps are on our clock already, or 0."""
 
     def __init__(self, bus: MocapBus, deliver: Callable[[RawFrame], None]) -> None:
@@ -44,7 +44,7 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
     latency_ns = round(1e9 * config.mocap.constant_latency_s)
     match config.mocap.source:
         case "zenoh":
-            return Published(bus, deliver)
+            return BusSource(bus, deliver)
         case "csv" | "mcap":
             return Recording(config, deliver, lambda: bus.has_subscribers, feed)
         case "vrpn":

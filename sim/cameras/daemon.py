@@ -18,7 +18,7 @@ from sim.scenario import Scenario, recorded_leader
 from sim.script import OperatorView
 from wire.clock import Clock
 from wire.ground_state import decode
-from wire.process.daemon import Awaited, Punctuality, report_missing
+from wire.process.daemon import Precondition, Punctuality, report_missing
 from wire.process.program import print_event
 from wire.security.protection import lab_protection
 from wire.transport.mocap_bus import MocapBus
@@ -52,7 +52,7 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
         bus = await ZenohBus.open(link.listening, scenario.lab.name, protection=protection)
     else:
         bus = await ZenohBus.open_or_listen(link, scenario.lab.name, protection=protection)
-    drones = Awaited("true poses of simulated drones", lambda: bool(truths), f"start one: {_DRONE}")
+    drones = Precondition("true poses of simulated drones", lambda: bool(truths), f"start one: {_DRONE}")
     missing = asyncio.create_task(report_missing("mocap emulator", [drones], print_event, bus.others))
     try:
         bus.on_truth(receive_truth)

@@ -34,7 +34,7 @@ class Scene(Protocol):
         """The frames that leave the cameras' computer by now."""
 
 
-class Circling:
+class CirclingScene:
     """Each body circles about its grid point, 0.2 m from it, and yaws slowly; at rest where `still`.
 
     leader: how the first body moves instead, if recorded.
@@ -77,7 +77,7 @@ class Circling:
         return Truth(t_ns, i + 1, pos, vel, q, np.array([0.0, 0.0, turn]), np.zeros(3), False)
 
 
-class Recorded:
+class RecordedScene:
     """The frames of a log, or of a leader's CSV, at their own times; then nothing more."""
 
     def __init__(self, recorded: list[Timed], t0_ns: int) -> None:

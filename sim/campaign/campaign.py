@@ -13,7 +13,7 @@ from rich.console import Console
 
 from sim.campaign.draw import GROUP, Draw, run_of
 from sim.campaign.flight import fly as fly_whole
-from sim.campaign.group import RAISED, Flown, Job, Run, fly_job
+from sim.campaign.group import RAISED, Job, JobResult, Run, fly_job
 from sim.campaign.oracle import Margin, Violation
 from sim.faults.fault import FAMILIES, Fault
 from sim.scenario import Scenario
@@ -52,7 +52,7 @@ class Failure:
 
 
 @dataclass(frozen=True, slots=True)
-class Near:
+class NearMiss:
     """A run that was contained, and the limit of which it used most."""
 
     draw: Draw
@@ -74,7 +74,7 @@ class Result:
     virtual_s: float
     simulated_s: float
     core_s: float
-    nearest: tuple[Near, ...] = ()
+    nearest: tuple[NearMiss, ...] = ()
 
     def to_json(self, controls: Mapping[str, float], with_monitors: Mapping[str, float] | None = None) -> str:
         """For scripts. controls: by monitor, the share of flights that failed without it; with_monitors: with it."""
@@ -118,7 +118,7 @@ def fly(draw: Draw, runs: range, workers: Workers, *, shrinks: bool = True) -> R
     return summarise(draw, flown, workers if shrinks else None)
 
 
-def summarise(draw: Draw, flown: Sequence[Flown], workers: Workers | None = None) -> Result:
+def summarise(draw: Draw, flown: Sequence[JobResult], workers: Workers | None = None) -> Result:
     """The result of these jobs; workers: who makes the first failures small, if anybody."""
     runs = [run for job in flown for run in job.runs]
     failures = [_failure(draw, run) for run in runs if not run.verdict.contained]
@@ -144,9 +144,9 @@ def _failure(draw: Draw, run: Run) -> Failure:
     return Failure(draw, run.number, run.verdict.violations[0], run.faults)
 
 
-def _nearest(draw: Draw, runs: Sequence[Run]) -> tuple[Near, ...]:
+def _nearest(draw: Draw, runs: Sequence[Run]) -> tuple[NearMiss, ...]:
     near = [
-        Near(draw, run.number, max(run.verdict.margins, key=lambda margin: margin.used))
+        NearMiss(draw, run.number, max(run.verdict.margins, key=lambda margin: margin.used))
         for run in runs
         if run.verdict.contained and run.verdict.margins
     ]

@@ -70,7 +70,7 @@ class ControlJob:
 
 
 @dataclass(frozen=True, slots=True)
-class Tried:
+class ControlResult:
     """Whether it failed without the monitor, as it must, and with it, as it must not."""
 
     without: bool
@@ -204,7 +204,7 @@ CONTROLS: Mapping[str, Control] = MappingProxyType(
 """By monitor. What is in neither these nor `REDUNDANT` is a mistake."""
 
 
-def fly_control(job: ControlJob) -> Tried:
+def fly_control(job: ControlJob) -> ControlResult:
     """Fly one, without the monitor and with it."""
     control = CONTROLS[job.monitor]
     rng = np.random.default_rng([job.seed, 13, *job.monitor.encode()])
@@ -212,7 +212,7 @@ def fly_control(job: ControlJob) -> Tried:
     off = fly(flight, job.seed, without=Without(frozenset({job.monitor, *control.behind}))).verdict
     failed = bool(set(off.kinds) & set(control.fails)) if control.fails else not off.contained
     without = Without(frozenset(control.behind if control.alone else ()))
-    return Tried(failed, not fly(flight, job.seed, without=without).verdict.contained)
+    return ControlResult(failed, not fly(flight, job.seed, without=without).verdict.contained)
 
 
 def jobs(seed: int, flights: int, only: Sequence[str] = ()) -> list[ControlJob]:
@@ -221,9 +221,9 @@ def jobs(seed: int, flights: int, only: Sequence[str] = ()) -> list[ControlJob]:
     return [ControlJob(name, seed + k) for name in wanted for k in range(flights)]
 
 
-def shares(flown: Sequence[ControlJob], tried: Sequence[Tried]) -> dict[str, Shares]:
+def shares(flown: Sequence[ControlJob], tried: Sequence[ControlResult]) -> dict[str, Shares]:
     """Of each monitor, the shares of its flights that failed."""
-    tried_of: dict[str, list[Tried]] = {}
+    tried_of: dict[str, list[ControlResult]] = {}
     for job, one in zip(flown, tried, strict=True):
         tried_of.setdefault(job.monitor, []).append(one)
     return {

@@ -25,14 +25,14 @@ AFTER_STOP_NS = 1_900_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class FlightVerdict:
     """A flight's verdict, and how many seconds it was."""
 
     verdict: Verdict
     duration_s: float
 
 
-class Ending:
+class FlightEnd:
     """When the operator asks for the landing, and when the flight is over."""
 
     def __init__(self, scenario: Scenario) -> None:
@@ -78,7 +78,7 @@ class Flight:
         """log: where its records go, if anywhere; without: monitors that are switched off."""
         self._recorder = FlightRecorder(scenario, log)
         self.world = World(scenario, seed, self._recorder.record, without)
-        self._ending = Ending(scenario)
+        self._ending = FlightEnd(scenario)
 
     @property
     def t_s(self) -> float:
@@ -100,13 +100,13 @@ class Flight:
 
 def fly(
     scenario: Scenario, seed: int, log: Record | None = None, *, benign: bool = False, without: Without = WITHOUT_NONE
-) -> Flown:
+) -> FlightVerdict:
     """Fly a scenario with its faults and judge it."""
     with uncollected():
         flight = Flight(scenario, seed, log, without)
         while not flight.advance():
             pass
-    return Flown(flight.verdict(benign=benign), flight.t_s)
+    return FlightVerdict(flight.verdict(benign=benign), flight.t_s)
 
 
 def begins_soon(flight: Flight, faults: Sequence[Fault], within_ns: int) -> bool:

@@ -44,7 +44,7 @@ class Run:
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class JobResult:
     """A job, flown: its runs in order, the seconds that were integrated, and those of one core that this took."""
 
     runs: tuple[Run, ...]
@@ -52,19 +52,19 @@ class Flown:
     core_s: float
 
 
-def fly_job(job: Job) -> Flown:
+def fly_job(job: Job) -> JobResult:
     """Fly the runs of a job."""
     scenario = flight_of(job.draw, job.group)
     return fly_group(scenario, {number: faults_of(job.draw, number, scenario) for number in job.numbers})
 
 
-def fly_group(scenario: Scenario, faults: dict[int, tuple[Fault, ...]]) -> Flown:
+def fly_group(scenario: Scenario, faults: dict[int, tuple[Fault, ...]]) -> JobResult:
     """Fly the scenario once with each entry's faults, forked where that can be done."""
     before_s = _core_s()
     with uncollected():
         flown = _fork_along(scenario, faults) if threading.active_count() == 1 else _fly_each(scenario, faults)
     runs = tuple(sorted((run for run, _ in flown), key=lambda run: run.number))
-    return Flown(runs, sum(own_s for _, own_s in flown), _core_s() - before_s)
+    return JobResult(runs, sum(own_s for _, own_s in flown), _core_s() - before_s)
 
 
 def _fly_each(scenario: Scenario, faults: dict[int, tuple[Fault, ...]]) -> list[tuple[Run, float]]:

@@ -113,7 +113,7 @@ def run(
     """Fly in lockstep: the same cores and bytes in one process, decided by scenario and seed alone."""
     from sim.cli import flights
 
-    ending = flights.Ending(as_json, out, flights.required(require))
+    ending = flights.RunOutput(as_json, out, flights.required(require))
     flights.run(flights.scenario_of(name, leader_csv, leader_alignment).scenario, seed, ending)
 
 
@@ -202,7 +202,7 @@ def campaign(
     elif replay is not None:
         commands.run_again(replay, draw, log, as_json)
     else:
-        asked = commands.Asked(range(first, first + runs), draw(seed), controls, tuple(only or ()))
+        asked = commands.CampaignOptions(range(first, first + runs), draw(seed), controls, tuple(only or ()))
         commands.run_campaign(asked, workers, scheduler, as_json)
 
 
@@ -244,7 +244,7 @@ class BoxOptions:
 def mocap_server(options: BoxOptions) -> None:
     """Serve moving bodies in a camera system's own protocol, until Ctrl-C."""
     from sim.cameras.box import Interruptions
-    from sim.cli.mocap_server import NotRight, box
+    from sim.cli.mocap_server import BoxError, box
 
     def print_text(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
@@ -254,13 +254,13 @@ def mocap_server(options: BoxOptions) -> None:
 
     try:
         if options.host is not None and not (options.insecure or is_loopback(options.host)):
-            raise NotRight(f"--host {options.host} is not this machine, and camera protocols know no keys: --insecure")
+            raise BoxError(f"--host {options.host} is not this machine, and camera protocols know no keys: --insecure")
         running = box(options)
         interruptions = Interruptions(options.restart_every, options.rename_every)
         asyncio.run(running.serve(interruptions, print_text_json if options.as_json else print_text))
     except KeyboardInterrupt:
         return
-    except (NotRight, OSError) as error:
+    except (BoxError, OSError) as error:
         print_json_error(str(error))
         print(f"gcs-sim: {error}", file=sys.stderr)
         raise typer.Exit(2) from error

@@ -47,7 +47,7 @@ def run_table(only: tuple[str, ...], workers: int | None, as_json: bool) -> None
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class CampaignOptions:
     """A campaign: runs with random faults, flights of each positive control, and which of these alone."""
 
     runs: range
@@ -56,7 +56,7 @@ class Asked:
     only: tuple[str, ...]
 
 
-def run_campaign(asked: Asked, workers: int | None, scheduler: str | None, as_json: bool) -> None:
+def run_campaign(asked: CampaignOptions, workers: int | None, scheduler: str | None, as_json: bool) -> None:
     """Random faults, and positive controls."""
     console = Console(stderr=as_json, markup=False)
     compile_everything()

@@ -41,7 +41,7 @@ from sim.fly import practise as practise_processes
 from sim.lab_file import stand_ins
 from sim.ports import private_link
 from sim.processes import ProcessDied
-from sim.scenario import Opened, Scenario, find, load, recorded_leader, with_leader_file
+from sim.scenario import Scenario, ScenarioFile, find, load, recorded_leader, with_leader_file
 from wire import clock
 from wire.config_file import lines_of
 from wire.errors import ConfigError
@@ -64,7 +64,7 @@ UNIT_WITHIN = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Ending:
+class RunOutput:
     """What becomes of a run: how its numbers are printed, its folder if given, what it has to reach."""
 
     as_json: bool
@@ -74,12 +74,12 @@ class Ending:
 
 def fly(options: "FlyOptions") -> None:
     """In real time, or slower; ends the process with its exit code."""
-    ending = Ending(options.as_json, options.out, required(options.require))
+    ending = RunOutput(options.as_json, options.out, required(options.require))
     summary, aborted_code = _fly(_opened(options), options, ending)
     _end(summary, ending, aborted_code)
 
 
-def _opened(options: "FlyOptions") -> Opened:
+def _opened(options: "FlyOptions") -> ScenarioFile:
     return scenario_of(options.name, options.leader_csv, options.leader_alignment)
 
 
@@ -105,7 +105,7 @@ def practise(options: "FlyOptions") -> None:
 
 
 @contextmanager
-def _own_link(opened: Opened, options: "FlyOptions") -> Iterator[LabConfig]:
+def _own_link(opened: ScenarioFile, options: "FlyOptions") -> Iterator[LabConfig]:
     """The lab as it is flown: on links of its own, by the cameras and with the keys of the options."""
     lab = opened.scenario.lab
     if options.mocap and opened.lab is not None:  # what the lab file says of its own cameras
@@ -120,7 +120,7 @@ def _own_link(opened: Opened, options: "FlyOptions") -> Iterator[LabConfig]:
 
 
 @dropping_output()
-def _fly(opened: Opened, options: "FlyOptions", ending: Ending) -> tuple[Summary, int]:
+def _fly(opened: ScenarioFile, options: "FlyOptions", ending: RunOutput) -> tuple[Summary, int]:
     scenario, speed = opened.scenario, clock.Clock(options.speed)
     files = Files(_folder(ending.out, scenario))
     compile_for(scenario)
@@ -151,13 +151,13 @@ def _fly(opened: Opened, options: "FlyOptions", ending: Ending) -> tuple[Summary
         fail(f"nothing was logged: {outcome.reason} (see {files.folder})", ABORTED)
 
 
-def run(scenario: Scenario, seed: int | None, ending: Ending) -> None:
+def run(scenario: Scenario, seed: int | None, ending: RunOutput) -> None:
     """In lockstep; ends the process with its exit code."""
     _end(_run(scenario, seed, ending), ending)
 
 
 @dropping_output()
-def _run(scenario: Scenario, seed: int | None, ending: Ending) -> Summary:
+def _run(scenario: Scenario, seed: int | None, ending: RunOutput) -> Summary:
     files = Files(_folder(ending.out, scenario))
     compile_for(scenario)
     with Display(Console(stderr=ending.as_json), scenario.name) as display:
@@ -189,7 +189,7 @@ def mocap(scenario: Scenario, seed: int | None, speed: float) -> None:
         fail(str(error), STARVED)
 
 
-def _security(opened: Opened) -> SecurityConfig:
+def _security(opened: ScenarioFile) -> SecurityConfig:
     """Where the keys of the lab file that is flown are; ends the program where it has none."""
     lab, file = opened.lab, opened.lab_file
     if lab is None or file is None or lab.security is None:
@@ -210,7 +210,7 @@ async def _interruptible(flight: Coroutine[Any, Any, T]) -> T | None:
         return None
 
 
-def scenario_of(name: str, leader_csv: Path | None = None, alignment: str | None = None) -> Opened:
+def scenario_of(name: str, leader_csv: Path | None = None, alignment: str | None = None) -> ScenarioFile:
     """The scenario with the leader given; ends the process where either is not right, or `gcs run` refuses its lab."""
     try:
         opened = find(name)
@@ -228,7 +228,7 @@ def scenario_of(name: str, leader_csv: Path | None = None, alignment: str | None
     return replace(opened, scenario=scenario)
 
 
-def check_lab(opened: Opened) -> None:
+def check_lab(opened: ScenarioFile) -> None:
     """ConfigError where the scenario flies a lab file that `gcs run` refuses; its links are simulated, on loopback."""
     if opened.lab is not None and opened.lab_file is not None:
         found = (finding for finding in judge(opened.lab) if finding.check != SECURITY)
@@ -275,7 +275,7 @@ def _folder(out: Path | None, scenario: Scenario) -> Path:
     return folder
 
 
-def _end(summary: Summary, ending: Ending, aborted_code: int = ABORTED) -> None:
+def _end(summary: Summary, ending: RunOutput, aborted_code: int = ABORTED) -> None:
     """Show the run's numbers; end with `aborted_code` where it did not land, ABORTED where it missed a requirement."""
     if ending.as_json:
         print(summary.to_json())
@@ -351,7 +351,7 @@ def check(file: Path, svg: Path | None, as_json: bool) -> None:
     lab_cli.judge_lab(file, _lab(opened), svg, as_json, tuple(_findings(opened.scenario)))
 
 
-def _lab(opened: Opened) -> LabConfig:
+def _lab(opened: ScenarioFile) -> LabConfig:
     """The lab as its file has it, real links and all."""
     return opened.scenario.lab if opened.lab is None else opened.lab
 

@@ -13,7 +13,7 @@ from mocap.sources.recordings import mcap_frames
 from sim.cameras import box as cameras_box
 from sim.cameras.emulator import EmulatorConfig
 from sim.cameras.playback import Playback
-from sim.cameras.scene import Circling, Recorded, Scene, lab_of
+from sim.cameras.scene import CirclingScene, RecordedScene, Scene, lab_of
 from sim.cameras.systems import LOOPBACK, OTHER_LOOPBACK, SOURCE_OF, is_camera_system, server_for
 from sim.cli.app import BoxOptions
 from wire.clock import Clock
@@ -21,7 +21,7 @@ from wire.config_file import load
 from wire.errors import ConfigError
 
 
-class NotRight(ValueError):
+class BoxError(ValueError):
     """Something given cannot be served, in one line."""
 
 
@@ -55,12 +55,12 @@ def box(options: BoxOptions) -> Box:
         mocap = _mocap(lab.mocap, options)
         emulator = EmulatorConfig.model_validate({"rate_hz": mocap.rate_hz} | _settings(options.cameras))
     except (ConfigError, MocapFileError, ValidationError) as error:
-        raise NotRight(_first_line(error)) from error
+        raise BoxError(_first_line(error)) from error
     if recorded is not None:
-        return Box(Recorded(recorded, t0_ns), mocap, clock)
+        return Box(RecordedScene(recorded, t0_ns), mocap, clock)
     lab = lab.model_copy(update={"mocap": mocap})
     count = options.bodies if options.lab is None else len(lab.vehicles)
-    return Box(Circling(lab, count, emulator, options.still, leader, options.seed, t0_ns), mocap, clock)
+    return Box(CirclingScene(lab, count, emulator, options.still, leader, options.seed, t0_ns), mocap, clock)
 
 
 def _names(count: int) -> tuple[str, ...]:
@@ -72,7 +72,7 @@ def _mocap(mocap: MocapConfig, options: BoxOptions) -> MocapConfig:
     source = mocap.source if options.protocol is None else SOURCE_OF[options.protocol]
     values = mocap.model_dump(exclude_none=True) | {"source": source}
     if not is_camera_system(MocapConfig.model_validate(values)):
-        raise NotRight(f'source "{source}" is no camera system: --protocol {"|".join(SOURCE_OF)}')
+        raise BoxError(f'source "{source}" is no camera system: --protocol {"|".join(SOURCE_OF)}')
     host, port = options.host, options.port
     table = values.get(source, {})
     table["host"] = host or table.get("host") or (OTHER_LOOPBACK if source == "natnet" else LOOPBACK)
@@ -87,7 +87,7 @@ def _settings(text: str) -> dict[str, Any]:
     for pair in filter(None, text.split(",")):
         key, found, value = pair.partition("=")
         if not found:
-            raise NotRight(f"--cameras: {pair!r} is not KEY=VALUE")
+            raise BoxError(f"--cameras: {pair!r} is not KEY=VALUE")
         settings[key.strip()] = value.strip()
     return settings
 

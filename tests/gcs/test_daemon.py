@@ -15,7 +15,7 @@ from formation import topics
 from formation.config import LabConfig
 from formation.messages import Event, LabFrame, Phase
 from gcs.core import BrokenInvariantError, GcsCore, Outgoing
-from gcs.daemon import Ended, Ground, GroundFailure, Timing, know_other_grounds, run
+from gcs.daemon import Ground, GroundFailure, RunResult, Timing, know_other_grounds, run
 from gcs.replay import replay
 from tests.free_ports import free_port
 from tests.gcs.bus import a_lab, hub_of
@@ -51,7 +51,7 @@ def _lab_file(config: LabConfig, folder: Path) -> Path:
     return file
 
 
-async def _until_over(config: LabConfig, folder: Path, events: list[Event]) -> Ended:
+async def _until_over(config: LabConfig, folder: Path, events: list[Event]) -> RunResult:
     """The daemon and its mocap process, asked to end when the recording is over."""
 
     def tell(event: Event) -> None:
@@ -219,7 +219,7 @@ def test_strays_cost_no_frame_are_not_recorded_and_are_reported_once_a_second(tm
     config = plain.model_copy(update={"link": plain.link.model_copy(update=link)})
     log, events = tmp_path / "flight.mcap", []
 
-    async def flooded() -> Ended:
+    async def flooded() -> RunResult:
         flood = asyncio.create_task(_stray(config.link.ground_port_base + 2))
         try:
             return await _until_over(config, tmp_path, events)

@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from formation import topics
 from formation.messages import Event, Severity, Tick
 from gcs.live import Live, _open_viewer, file_of
-from wire.logs.live import HEAD_EVERY, Described, LiveLog, keys, sharer
+from wire.logs.live import HEAD_EVERY, ChannelDescription, LiveLog, keys, sharer
 from wire.logs.mcap_write import LogWriter
 
 HEAD, CHUNK = keys("main")
@@ -37,7 +37,7 @@ class Seen:
     """A viewer that keeps what it is shown."""
 
     def __init__(self) -> None:
-        self.begun: list[dict[int, Described]] = []
+        self.begun: list[dict[int, ChannelDescription]] = []
         self.shown: list[tuple[str, int, bytes]] = []
 
     def begin(self, channels) -> None:
@@ -131,6 +131,6 @@ def test_rerun_serves_this_machine_alone(monkeypatch) -> None:
 
 
 def test_rerun_is_given_whole_files(tmp_path) -> None:
-    channels = {3: Described("/a", "x.A", b""), 7: Described("/b", "x.A", b"")}
+    channels = {3: ChannelDescription("/a", "x.A", b""), 7: ChannelDescription("/b", "x.A", b"")}
     file = BytesIO(file_of(channels, [(7, 5, b"five"), (3, 6, b"six")]))
     assert in_file(file) == [("/b", 5, b"five"), ("/a", 6, b"six")]

@@ -77,7 +77,7 @@ def _records(log: bytes) -> Iterator[McapRecord]:
 
 
 @dataclass(frozen=True, slots=True)
-class Described:
+class ChannelDescription:
     """A channel of a log, with its Protobuf schema."""
 
     topic: str
@@ -89,7 +89,7 @@ class LiveLog:
     """A log as it comes over the bus: who listens from the middle begins with the next head."""
 
     def __init__(self) -> None:
-        self.channels: Mapping[int, Described] = {}
+        self.channels: Mapping[int, ChannelDescription] = {}
         self.rejected = 0
         """Heads and chunks that could not be read."""
         self._head = b""
@@ -101,7 +101,7 @@ class LiveLog:
         records = self._read(head)
         schemas = {record.id: record for record in records if isinstance(record, Schema)}
         channels = {
-            record.id: Described(record.topic, schemas[record.schema_id].name, schemas[record.schema_id].data)
+            record.id: ChannelDescription(record.topic, schemas[record.schema_id].name, schemas[record.schema_id].data)
             for record in records
             if isinstance(record, Channel) and record.schema_id in schemas
         }

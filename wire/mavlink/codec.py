@@ -17,7 +17,7 @@ from wire.link_messages import (
     ParamType,
     StatusText,
     TimeSync,
-    Unknown,
+    UnknownMessage,
 )
 from wire.mavlink.framing import Fields, Frame, FrameCutter, Layout, MavlinkError, framed
 from wire.mavlink.messages import READERS, WRITERS, Read
@@ -141,7 +141,7 @@ def _read(frame: Frame, readers: Mapping[int, tuple[Layout, Read]]) -> LinkMessa
     """The message of a frame; MavlinkError if its payload says something impossible."""
     known = readers.get(frame.number)
     if known is None:
-        return Unknown(frame.number)
+        return UnknownMessage(frame.number)
     layout, read = known
     try:
         message: LinkMessage | TextChunk = read(layout.unpack(frame.payload))

@@ -258,10 +258,10 @@ def _write_odometry(o: m.Odometry) -> Written:
     return ODOMETRY, (o.t_us, int(o.frame), _BODY_FRD, *pose, *rates, *tail)
 
 
-def _read_odometry(f: Fields) -> m.Odometry | m.Unknown:
+def _read_odometry(f: Fields) -> m.Odometry | m.UnknownMessage:
     """Unknown where the velocity is not in BODY_FRD, as in PX4's own telemetry: nobody here reads that."""
     if f[2] != _BODY_FRD:
-        return m.Unknown(ODOMETRY.id)
+        return m.UnknownMessage(ODOMETRY.id)
     return m.Odometry(
         t_us=f[0],
         frame=m.OdometryFrame(f[1]),
@@ -282,10 +282,10 @@ def _write_inertial(s: m.InertialSample) -> Written:
     return HIGHRES_IMU, (s.t_boot_us, *force, *rate, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, updated)
 
 
-def _read_inertial(f: Fields) -> m.InertialSample | m.Unknown:
+def _read_inertial(f: Fields) -> m.InertialSample | m.UnknownMessage:
     """Unknown where the accelerometer has nothing to say."""
     if f[14] & _ACCELEROMETER != _ACCELEROMETER:
-        return m.Unknown(HIGHRES_IMU.id)
+        return m.UnknownMessage(HIGHRES_IMU.id)
     rate = f[4:7] if f[14] & _GYROSCOPE == _GYROSCOPE else (math.nan, math.nan, math.nan)
     return m.InertialSample(f[0], lab_finite(*f[1:4]), lab(*rate))
 

@@ -64,7 +64,7 @@ class StampClock:
         self.newest = max(self.newest, stamp)
 
 
-class Verified(NamedTuple):
+class Verification(NamedTuple):
     """The packets of a datagram that are as they must be, byte for byte, and why the others are rejected, if any."""
 
     data: bytes
@@ -120,7 +120,7 @@ class SigningChannel:
             at = stop
         return b"".join(signed)
 
-    def verify(self, data: bytes, unix_us: int) -> Verified:
+    def verify(self, data: bytes, unix_us: int) -> Verification:
         """The datagram's packets that are signed by the link's key, later than those before."""
         accepted: list[bytes] = []
         reason, at = "", 0
@@ -129,14 +129,14 @@ class SigningChannel:
                 break
             stop = whole_stop(data, at)
             if stop is None:
-                return Verified(b"".join(accepted), NOT_WHOLE)
+                return Verification(b"".join(accepted), NOT_WHOLE)
             found = self._reject_reason(data[at:stop], unix_us)
             if found:
                 reason = found
             else:
                 accepted.append(data[at:stop])
             at = stop
-        return Verified(b"".join(accepted), reason or (NOT_WHOLE if at < len(data) else ""))
+        return Verification(b"".join(accepted), reason or (NOT_WHOLE if at < len(data) else ""))
 
     def _reject_reason(self, frame: bytes, unix_us: int) -> str:
         """Cheap checks first: a flood of forged packets costs no hashing that it need not."""

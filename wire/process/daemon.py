@@ -44,7 +44,7 @@ _POLL_S, _ASK_EVERY = 0.2, 10
 
 
 @dataclass(frozen=True, slots=True)
-class Awaited:
+class Precondition:
     """Something that others bring: its name, whether it is there, and what to do where it is not."""
 
     what: str
@@ -55,9 +55,9 @@ class Awaited:
 GROUND_REMEDY = "start one with `gcs run lab.toml`; --name says which one is meant"
 
 
-def bus_at(endpoints: Sequence[str], is_there: Callable[[], bool], remedy: str) -> Awaited:
+def bus_at(endpoints: Sequence[str], is_there: Callable[[], bool], remedy: str) -> Precondition:
     """Anybody else on the lab's bus."""
-    return Awaited(f"the bus at {', '.join(endpoints) or 'no endpoint'}", is_there, remedy)
+    return Precondition(f"the bus at {', '.join(endpoints) or 'no endpoint'}", is_there, remedy)
 
 
 async def _nobody() -> str:
@@ -65,7 +65,7 @@ async def _nobody() -> str:
 
 
 async def report_missing(
-    source: str, awaited: Sequence[Awaited], report: EventSink, others: Callable[[], Awaitable[str]] = _nobody
+    source: str, awaited: Sequence[Precondition], report: EventSink, others: Callable[[], Awaitable[str]] = _nobody
 ) -> None:
     """Report once what is missing and what to do, then when it is there; return when nothing is missing.
 

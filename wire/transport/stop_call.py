@@ -41,7 +41,7 @@ WRONG = "stop that its key has not sealed"
 
 
 @dataclass(frozen=True, slots=True)
-class StopAsked:
+class StopRequest:
     """A request that its asker's key has sealed; again: the one before, whose answer may have been lost."""
 
     name: str
@@ -60,7 +60,7 @@ class StopReader:
     _obeyed: dict[str, tuple[int, bytes]] = field(default_factory=dict)
     """Id and challenge of the newest stop, by name."""
 
-    def read(self, data: bytes) -> StopAsked | bytes | str:
+    def read(self, data: bytes) -> StopRequest | bytes | str:
         """The request, or the challenge to answer it with, or why it is rejected."""
         name_end = data.find(b"\0", 0, 100)
         at = name_end + 1
@@ -79,9 +79,9 @@ class StopReader:
                 body = CHALLENGE + data[at : at + _ID] + self._challenges[name]
                 return body + _mac(key, body)
             self._obeyed[name], self._challenges[name] = asked, self.draw(_DRAWN)
-        return StopAsked(name, asked[0], data[at + _ID + _DRAWN : -_MAC].decode("utf-8", "replace"), again)
+        return StopRequest(name, asked[0], data[at + _ID + _DRAWN : -_MAC].decode("utf-8", "replace"), again)
 
-    def reply(self, asked: StopAsked, reply: OperatorReply) -> bytes:
+    def reply(self, asked: StopRequest, reply: OperatorReply) -> bytes:
         """The answer to a request."""
         head = REPLY + asked.id.to_bytes(_ID, "big") + bytes((reply.accepted,))
         body = head + reply.text.encode()[:TEXT_MOST]

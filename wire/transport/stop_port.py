@@ -19,7 +19,7 @@ from wire.security.private_keys import read_mavlink_key, stop_key_file
 from wire.security.protection import Names, Protection
 from wire.text import plain
 from wire.transport.link import PAUSE_S
-from wire.transport.stop_call import LARGEST, SOURCE_MOST, StopAsked, StopReader, stop_address
+from wire.transport.stop_call import LARGEST, SOURCE_MOST, StopReader, StopRequest, stop_address
 
 Handler = Callable[[OperatorRequest, Callable[[OperatorReply], None]], None]
 READS_A_TURN = 32
@@ -66,7 +66,7 @@ class StopPort:
             except OSError:  # an ICMP answer to something sent earlier
                 continue
             found = self._reader.read(data)
-            if isinstance(found, StopAsked):
+            if isinstance(found, StopRequest):
                 self._obey(found, sender)
             elif isinstance(found, bytes):
                 self._send(found, sender)
@@ -75,7 +75,7 @@ class StopPort:
         self._loop.remove_reader(self._socket)
         self._resume = self._loop.call_later(PAUSE_S, self._loop.add_reader, self._socket, self._read)
 
-    def _obey(self, asked: StopAsked, sender: tuple[str, int]) -> None:
+    def _obey(self, asked: StopRequest, sender: tuple[str, int]) -> None:
         if asked.again:
             if asked.name in self._answers:
                 self._send(self._answers[asked.name], sender)

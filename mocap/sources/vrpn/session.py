@@ -101,7 +101,7 @@ NAMED_NS = 1_000_000_000
 
 
 @dataclass(slots=True)
-class Knowledge:
+class SourceState:
     """What outlives a connection: how frames are numbered and counted, and what was reported to the operator."""
 
     feed: Feed
@@ -116,7 +116,7 @@ class Knowledge:
 class VrpnSession:
     """A `tcp.Session`. Poses may come as datagrams, too."""
 
-    def __init__(self, known: Knowledge, now_ns: int) -> None:
+    def __init__(self, known: SourceState, now_ns: int) -> None:
         self.latency_ns: int | None = None
         """From the exposure of the newest frame to its first pose's receipt."""
         self._known = known
@@ -364,8 +364,8 @@ def _bodies(config: LabConfig) -> tuple[str, ...]:
     return tuple(vehicle.body for vehicle in config.vehicles)
 
 
-def _knowledge(config: LabConfig, server: VrpnConfig | ChingmuConfig, naming: Naming, feed: Feed) -> Knowledge:
-    return Knowledge(
+def _knowledge(config: LabConfig, server: VrpnConfig | ChingmuConfig, naming: Naming, feed: Feed) -> SourceState:
+    return SourceState(
         feed=feed,
         naming=naming,
         pacing=Pacing(1e9 / config.mocap.rate_hz),
@@ -378,11 +378,11 @@ def _knowledge(config: LabConfig, server: VrpnConfig | ChingmuConfig, naming: Na
 class VrpnSource:
     """A `Source`."""
 
-    def __init__(self, server: VrpnConfig | ChingmuConfig, udp: bool, known: Knowledge) -> None:
+    def __init__(self, server: VrpnConfig | ChingmuConfig, udp: bool, known: SourceState) -> None:
         self._known = known
         self._udp = udp
         self._receiver: Datagrams | None = None
-        self._session: _Timed | None = None
+        self._session: _TimedSession | None = None
         self._status = SourceStatus(server=f"{server.host}:{server.port}")
         self._client = TcpClient(server.host, server.port, self, known.feed)
 
@@ -417,7 +417,7 @@ class VrpnSource:
         hello = messages.COOKIE
         if self._receiver is not None:
             hello += messages.udp_description(ours, self._receiver.port)
-        self._session = _Timed(VrpnSession(self._known, now_ns), self._known.feed, theirs)
+        self._session = _TimedSession(VrpnSession(self._known, now_ns), self._known.feed, theirs)
         return self._session, hello
 
     def datagrams(self, came: list[tuple[bytes, str]]) -> None:
@@ -431,7 +431,7 @@ class VrpnSource:
             session.datagrams(theirs)
 
 
-class _Timed:
+class _TimedSession:
     """A session that is woken when a frame has waited long enough."""
 
     def __init__(self, vrpn: VrpnSession, feed: Feed, server: str) -> None:

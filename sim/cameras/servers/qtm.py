@@ -121,7 +121,7 @@ class ServerState(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class Subscription:
     """What a client has streamed to it: components, every how manieth frame, over UDP to where."""
 
     components: tuple[int, ...]
@@ -134,7 +134,7 @@ class QtmConversation:
 
     def __init__(self, order: str, host: str, server: ServerState) -> None:
         self.order = order
-        self.wanted: Wanted | None = None
+        self.wanted: Subscription | None = None
         self.once: tuple[int, ...] = ()
         """Components of GetCurrentFrame, for the next frame."""
         self.minor = OLDEST
@@ -204,7 +204,7 @@ class QtmConversation:
         components = components_of(arguments)
         if divisor is None or not components or (udp and not 1023 <= int(udp[2]) <= 65_535):
             return self._text_packet(ERROR, "Parse error")
-        self.wanted = Wanted(components, divisor, (udp[1] or self._host, int(udp[2])) if udp else None)
+        self.wanted = Subscription(components, divisor, (udp[1] or self._host, int(udp[2])) if udp else None)
         return b""
 
     def _divisor(self, rate: str) -> int | None:
@@ -296,7 +296,7 @@ class QtmServer:
     def _frame_for(self, to: QtmConversation, frame: RawFrame, made: dict[tuple[str, tuple[int, ...]], bytes]) -> bytes:
         wanted = to.wanted
         if to.once:
-            wanted, to.once = Wanted(to.once), ()
+            wanted, to.once = Subscription(to.once), ()
         if wanted is None or self._number % wanted.divisor:
             return b""
         key = to.order, wanted.components

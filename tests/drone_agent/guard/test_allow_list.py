@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as oracle
 
 from drone_agent.guard import allow_list
-from drone_agent.guard.allow_list import ALLOWED, ALLOWED_COMMANDS, When, reject_reason
+from drone_agent.guard.allow_list import ALLOWED, ALLOWED_COMMANDS, MotorState, reject_reason
 from drone_agent.guard.config import GuardConfig
 from drone_agent.guard.core import GuardCore
 from formation.messages import Datagram
@@ -92,7 +92,7 @@ def test_the_table_passes() -> None:
         (frame,) = FrameCutter().cut(packet(row.number, **values))
         assert reject_reason(2, row.number, frame.payload, SYSID, armed=False) == "", row.name
         assert reject_reason(2, row.number, frame.payload, SYSID, armed=True) == (
-            allow_list.ARMED if row.when is When.DISARMED else ""
+            allow_list.ARMED if row.when is MotorState.DISARMED else ""
         )
         assert reject_reason(1, row.number, frame.payload, SYSID, armed=False) == allow_list.VERSION_1
 

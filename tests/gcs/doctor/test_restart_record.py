@@ -10,7 +10,7 @@ import pytest
 
 from formation.messages import Event, UnmetParameter
 from gcs.doctor.checks import check_drone
-from gcs.doctor.cli import _detect_restarts, _Fixing, note_fixes
+from gcs.doctor.cli import _detect_restarts, _FixOptions, note_fixes
 from gcs.doctor.restart_record import note_unmet, read_record, record_path, watch_record
 from gcs.finding import Fix, Grade
 from tests.gcs.doctor.test_drone import GOOD
@@ -72,7 +72,7 @@ def test_the_doctor_reads_back_after_the_restart_what_it_wrote(
     note_fixes(lab, fixes[:1])
     monkeypatch.setattr("gcs.doctor.cli.SETTLE_S", 0.0)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
-    asyncio.run(_detect_restarts(cast("Survey", _Restarted()), lab, fixes, _Fixing(wanted=True, unasked=False)))
+    asyncio.run(_detect_restarts(cast("Survey", _Restarted()), lab, fixes, _FixOptions(wanted=True, unasked=False)))
     assert capsys.readouterr().err.splitlines()[-2:] == [
         "left: EKF2_HGT_REF kept", "left: EKF2_EVP_NOISE NOT kept: 0.1"
     ]  # fmt: skip

@@ -50,7 +50,7 @@ def page_server(
 
 
 @asynccontextmanager
-async def flown(scenario: Scenario, folder: Path, speed: float) -> AsyncIterator[fly.Running]:
+async def flown(scenario: Scenario, folder: Path, speed: float) -> AsyncIterator[fly.FlightProcesses]:
     """The processes of a flight that nobody has begun to fly."""
     folder.mkdir(parents=True, exist_ok=True)
     async with fly.running(scenario, 1, fly.Files(folder), clock=Clock(speed), hosts=1) as running:

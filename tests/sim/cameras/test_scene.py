@@ -7,14 +7,14 @@ from formation.maths import frames
 from formation.messages import LabFrame, RawFrame
 from formation.mocap_config import MocapConfig
 from sim.cameras.emulator import EmulatorConfig
-from sim.cameras.scene import Circling, Recorded, lab_of
+from sim.cameras.scene import CirclingScene, RecordedScene, lab_of
 
 S = 1_000_000_000
 EXACT = EmulatorConfig(jitter_s=0.0, noise_m=0.0, noise_rad=0.0, delay_s=0.0, delay_jitter_s=0.0)
 Y_UP = MocapConfig.model_validate({"axes": ["x right", "y up", "z back"], "origin_lab_m": [0.3, -0.2, 0.1]})
 
 
-def shown(room: Circling, for_s: float) -> list[RawFrame]:
+def shown(room: CirclingScene, for_s: float) -> list[RawFrame]:
     found: list[RawFrame] = []
     while room.next_ns <= for_s * S:
         found += room.frames(room.next_ns)
@@ -22,8 +22,8 @@ def shown(room: Circling, for_s: float) -> list[RawFrame]:
 
 
 def test_a_still_room_is_still_and_turned_cameras_show_it_in_their_own_axes() -> None:
-    plain = shown(Circling(lab_of(("a", "b"), MocapConfig()), 2, EXACT, True, None, 1, 0), 0.5)
-    turned = shown(Circling(lab_of(("a", "b"), Y_UP), 2, EXACT, True, None, 1, 0), 0.5)
+    plain = shown(CirclingScene(lab_of(("a", "b"), MocapConfig()), 2, EXACT, True, None, 1, 0), 0.5)
+    turned = shown(CirclingScene(lab_of(("a", "b"), Y_UP), 2, EXACT, True, None, 1, 0), 0.5)
     np.testing.assert_allclose(plain[-1].pos_mocap_m, plain[0].pos_mocap_m, atol=1e-12)
     # The cameras' x points to the right (the lab's -y), y up, z back (-x).
     x, y, z = plain[0].pos_mocap_m.T
@@ -32,7 +32,7 @@ def test_a_still_room_is_still_and_turned_cameras_show_it_in_their_own_axes() ->
 
 def test_a_burst_comes_at_once_and_every_frame_of_it_with_its_own_exposure() -> None:
     cameras = EXACT.model_copy(update={"burst": 10})
-    room = Circling(lab_of(("a", "b"), MocapConfig()), 2, cameras, False, None, 1, 0)
+    room = CirclingScene(lab_of(("a", "b"), MocapConfig()), 2, cameras, False, None, 1, 0)
     came: list[tuple[int, int]] = []
     while room.next_ns <= S:
         now_ns = room.next_ns
@@ -47,7 +47,7 @@ def test_a_burst_comes_at_once_and_every_frame_of_it_with_its_own_exposure() -> 
 def test_a_log_is_shown_at_its_own_times_in_the_labs_axes_and_then_ends() -> None:
     pos, q = np.array([[1.0, 2.0, 3.0]]), frames.IDENTITY[None]
     logged = [LabFrame(k, 0, ("a",), pos, q, np.array([k != 1])) for k in range(3)]
-    room = Recorded([(k * 20_000_000, frame) for k, frame in enumerate(logged)], 5 * S)
+    room = RecordedScene([(k * 20_000_000, frame) for k, frame in enumerate(logged)], 5 * S)
     assert room.bodies == ("a",)
     assert room.next_ns == 5 * S
     first, second = room.frames(5 * S + 25_000_000)
@@ -59,7 +59,7 @@ def test_a_log_is_shown_at_its_own_times_in_the_labs_axes_and_then_ends() -> Non
 
 
 def test_a_box_that_was_stopped_does_not_keep_its_clients_waiting_for_what_it_missed() -> None:
-    room = Circling(lab_of(("a", "b"), MocapConfig()), 2, EXACT, False, None, 1, 0)
+    room = CirclingScene(lab_of(("a", "b"), MocapConfig()), 2, EXACT, False, None, 1, 0)
     before = shown(room, 1.0)
     assert room.frames(6 * S) == []
     assert 6 * S < room.next_ns <= 6 * S + S // 100

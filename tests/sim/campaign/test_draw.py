@@ -5,7 +5,7 @@ import pytest
 from sim.campaign import controls
 from sim.campaign.campaign import summarise
 from sim.campaign.draw import FAMILIES_DRAWN, GROUP, RANGES, Draw, faults_of, flight_of, run_of
-from sim.campaign.group import Flown, Run
+from sim.campaign.group import JobResult, Run
 from sim.campaign.oracle import Margin, Verdict, Violation
 from sim.faults.fault import Family, Fault
 from sim.monitors import NAMES, Without
@@ -45,13 +45,13 @@ def test_a_summary_counts_what_failed_and_says_how_to_fly_it_again() -> None:
     bad = Verdict((Violation("fence", 3.0, "f2 0.70 m outside"), Violation("separation", 4.0, "near")), 2.0, 0.1, 1.0)
     good = Verdict((), 2.0, None, 0.0)
     kill = (Fault(family=Family.KILL, core="ground"),)
-    result = summarise(Draw(5), [Flown((Run(0, kill, good, 10.0), Run(1, kill, bad, 20.0)), 15.0, 2.0)])
+    result = summarise(Draw(5), [JobResult((Run(0, kill, good, 10.0), Run(1, kill, bad, 20.0)), 15.0, 2.0)])
     assert (result.runs, len(result.failures)) == (2, 1)
     assert (result.separation_violations, result.fence_violations) == (1, 1)
     assert result.failures[0].again == "gcs-sim campaign --replay 5:1"
     assert '"virtual_s_per_s_per_core": 15.0' in result.to_json({})
     assert '"seed": "5:1"' in result.to_json({})
-    chosen = summarise(Draw(5, (Family.TWIN,), "px4_quad"), [Flown((Run(1, kill, bad, 20.0),), 15.0, 2.0)])
+    chosen = summarise(Draw(5, (Family.TWIN,), "px4_quad"), [JobResult((Run(1, kill, bad, 20.0),), 15.0, 2.0)])
     assert chosen.failures[0].again == "gcs-sim campaign --replay 5:1 --family twin --profile px4_quad"
 
 
@@ -63,7 +63,7 @@ def test_a_summary_names_the_runs_that_came_nearest_to_a_limit() -> None:
             Margin("separation", 1.0, 0.1, "apart"), Margin("fence", 3.0, one, "outside"))), 10.0)
         for number, one in enumerate(used)
     )  # fmt: skip
-    nearest = summarise(Draw(5), [Flown(runs, 15.0, 2.0)]).nearest
+    nearest = summarise(Draw(5), [JobResult(runs, 15.0, 2.0)]).nearest
     assert [(near.number, near.margin.kind) for near in nearest] == [(1, "fence"), (3, "fence"), (0, "fence")]
 
 
@@ -84,11 +84,15 @@ NIGHTLY = [pytest.param(name, marks=pytest.mark.nightly) for name in ("own-land"
 
 @pytest.mark.parametrize("monitor", [*NIGHTLY, "setpoint-bounds"])
 def test_without_its_monitor_a_fault_does_harm_and_with_it_none(monitor: str) -> None:
-    assert controls.fly_control(controls.ControlJob(monitor, 1)) == controls.Tried(without=True, with_it=False)
+    assert controls.fly_control(controls.ControlJob(monitor, 1)) == controls.ControlResult(without=True, with_it=False)
 
 
 def test_a_control_shows_its_monitor_where_all_fail_without_it_and_none_with_it() -> None:
-    job, failed, held = controls.ControlJob("x", 1), controls.Tried(True, False), controls.Tried(False, False)
+    job, failed, held = (
+        controls.ControlJob("x", 1),
+        controls.ControlResult(True, False),
+        controls.ControlResult(False, False),
+    )
     assert controls.shares([job] * 20, [failed] * 19 + [held])["x"].shows
     assert not controls.shares([job] * 20, [failed] * 18 + [held] * 2)["x"].shows
-    assert not controls.shares([job] * 20, [failed] * 19 + [controls.Tried(True, True)])["x"].shows
+    assert not controls.shares([job] * 20, [failed] * 19 + [controls.ControlResult(True, True)])["x"].shows

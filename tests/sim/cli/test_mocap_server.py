@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from sim.cli.app import BoxOptions
-from sim.cli.mocap_server import NotRight, box
+from sim.cli.mocap_server import BoxError, box
 
 LAB = """
 [mocap]
@@ -55,6 +55,6 @@ def test_a_lab_file_says_bodies_names_and_system(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_served_is_refused_in_one_line(options: BoxOptions, why: str) -> None:
-    with pytest.raises(NotRight, match=why) as refused:
+    with pytest.raises(BoxError, match=why) as refused:
         box(options)
     assert "\n" not in str(refused.value)

@@ -38,7 +38,7 @@ from wire.link_messages import (
     OdometryFrame,
     ParamRequestList,
     TimeSync,
-    Unknown,
+    UnknownMessage,
     VisionPose,
     command_long,
 )
@@ -107,7 +107,7 @@ def test_of_an_inertial_sample_only_what_is_said_to_be_there_is_taken():
             pymavlinks(Build.mav.highres_imu_encode(7, *FORCE_FRD, *RATE_FRD, *NOTHING_ELSE, updated))
         ).message
 
-    assert [read(updated) for updated in (0, GYROSCOPE, 0x3B, 0x1FF8)] == [Unknown(105)] * 4
+    assert [read(updated) for updated in (0, GYROSCOPE, 0x3B, 0x1FF8)] == [UnknownMessage(105)] * 4
     force_only = read(ACCELEROMETER)
     assert isinstance(force_only, InertialSample)
     assert np.isnan(force_only.rate_flu_rad_s).all()

@@ -33,7 +33,7 @@ from wire.link_messages import (
     SimTruth,
     SysStatus,
     TimeSync,
-    Unknown,
+    UnknownMessage,
 )
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import MavlinkError
@@ -60,7 +60,7 @@ def everything_for(message) -> Codec:
 
 
 def test_every_link_message_has_a_strategy():
-    assert set(MESSAGES) == set(LinkMessage.__args__) - {Unknown}
+    assert set(MESSAGES) == set(LinkMessage.__args__) - {UnknownMessage}
 
 
 @pytest.mark.parametrize("kind", MESSAGES, ids=lambda kind: kind.__name__)
@@ -117,7 +117,7 @@ def test_a_flipped_bit_never_reads_as_another_message(message, data):
         packet = decode_packet(bytes(frame))
     except MavlinkError:
         return
-    assert isinstance(packet.message, Unknown)
+    assert isinstance(packet.message, UnknownMessage)
     assert packet.message.message_id not in oracle.mavlink_map
 
 
@@ -168,7 +168,7 @@ def test_a_message_of_no_dialect_is_unknown_and_its_neighbours_are_read():
     heartbeat = Codec(DRONE).encode(Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4))
     codec = Codec(GROUND)
     packets = codec.receive(heartbeat + sealed(54321, b"abc") + heartbeat)
-    assert [type(p.message) for p in packets] == [Heartbeat, Unknown, Heartbeat]
+    assert [type(p.message) for p in packets] == [Heartbeat, UnknownMessage, Heartbeat]
     assert codec.bad_bytes == 0
 
 
@@ -190,7 +190,7 @@ def test_only_packets_for_this_address_or_everybody_are_taken(target, taken):
         ParamRequestList(Address(256, 1)),
         setpoint(thrust_norm=1e39),
         SetOrigin(3, math.nan, 8.0, 0.0),
-        Unknown(4242),
+        UnknownMessage(4242),
     ],
     ids=["name too long", "no such system", "no such float", "no number", "unknown"],
 )
@@ -246,7 +246,7 @@ def test_odometry_with_its_velocity_in_the_world_is_nothing_bad():
     payload = oracle.MAVLink(None).odometry_encode(1, 1, 1, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0, 0, 0, 0, [0] * 21, [0] * 21)
     codec = Codec(GROUND)
     packets = codec.receive(payload.pack(oracle.MAVLink(None, srcSystem=1, srcComponent=1)))
-    assert [packet.message for packet in packets] == [Unknown(331)]
+    assert [packet.message for packet in packets] == [UnknownMessage(331)]
     assert (codec.bad_packets, codec.bad_bytes) == (0, 0)
 
 
@@ -281,7 +281,7 @@ def test_what_an_end_does_not_read_is_unknown_to_it_and_costs_no_reading():
     codec = Codec(GROUND, reads=frozenset({0}))
     beat = Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
     assert [p.message for p in codec.receive(drone.encode(beat) + drone.encode(NamedValue(0, "x", 1.0)))] == [
-        beat, Unknown(251),
+        beat, UnknownMessage(251),
     ]  # fmt: skip
 
 

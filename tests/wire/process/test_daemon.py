@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from formation.messages import Event, Severity
-from wire.process.daemon import LATE_NS, Awaited, Punctuality, StarvedError, report_missing
+from wire.process.daemon import LATE_NS, Precondition, Punctuality, StarvedError, report_missing
 
 
 def test_says_what_is_missing_and_when_it_has_come(monkeypatch):
@@ -18,7 +18,7 @@ def test_says_what_is_missing_and_when_it_has_come(monkeypatch):
         there["autopilot"] = len(slept) > 3
 
     monkeypatch.setattr("wire.process.daemon.asyncio.sleep", sleep)
-    awaited = [Awaited(name, lambda name=name: there[name], f"start the {name}") for name in there]
+    awaited = [Precondition(name, lambda name=name: there[name], f"start the {name}") for name in there]
 
     async def others() -> str:
         return "lab 'hall': uav 2"

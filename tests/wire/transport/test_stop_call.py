@@ -14,8 +14,8 @@ from wire.transport.stop_call import (
     NO_STOP,
     UNKNOWN,
     WRONG,
-    StopAsked,
     StopReader,
+    StopRequest,
     decode_reply,
     encode_stop,
 )
@@ -51,8 +51,8 @@ def test_the_seal_is_hmac_sha256_as_openssl_computes_it() -> None:
 def test_a_stop_is_read_once_and_known_when_it_comes_again() -> None:
     ground = reader()
     data = encode_stop("tool.1", KEY, ID, "anna@tablet", challenge_of(ground))
-    assert ground.read(data) == StopAsked("tool.1", ID, "anna@tablet", again=False)
-    assert ground.read(data) == StopAsked("tool.1", ID, "anna@tablet", again=True)
+    assert ground.read(data) == StopRequest("tool.1", ID, "anna@tablet", again=False)
+    assert ground.read(data) == StopRequest("tool.1", ID, "anna@tablet", again=True)
 
 
 def test_every_altered_byte_is_noticed() -> None:
@@ -87,9 +87,9 @@ def test_what_is_no_new_stop_of_its_name_is_rejected(data: bytes, reason: str) -
 def test_a_recorded_stop_is_challenged_by_the_same_ground_and_by_one_restarted() -> None:
     ground = reader()
     recorded = encode_stop("tool.1", KEY, ID, "anna@tablet", challenge_of(ground))
-    assert isinstance(ground.read(recorded), StopAsked)
+    assert isinstance(ground.read(recorded), StopRequest)
     later = encode_stop("tool.1", KEY, ID - 55_000_000, "anna@laptop", challenge_of(ground))  # a clock 55 s behind
-    assert isinstance(ground.read(later), StopAsked)
+    assert isinstance(ground.read(later), StopRequest)
     for again in (ground, reader(run=1)):
         answer = again.read(recorded)
         assert isinstance(answer, bytes)
@@ -113,7 +113,7 @@ def test_any_bytes_are_read_or_rejected(data: bytes, head: bytes) -> None:
 def test_only_the_ground_answers_and_only_this_request() -> None:
     ground = reader()
     asked = ground.read(encode_stop("tool.1", KEY, ID, "", challenge_of(ground)))
-    assert isinstance(asked, StopAsked)
+    assert isinstance(asked, StopRequest)
     reply = ground.reply(asked, OperatorReply(7, True, "STOPPED"))
     assert decode_reply(reply, KEY, ID) == OperatorReply(ID, True, "STOPPED")
     assert decode_reply(reply, OTHER, ID) is None

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from formation.messages import RawFrame
 from sim.cameras.servers import qtm as packets
-from sim.cameras.servers.qtm import Discovery, QtmConversation, Wanted
+from sim.cameras.servers.qtm import Discovery, QtmConversation, Subscription
 
 NAMES = ("lead", "<right> & left")
 ROTATIONS = Rotation.random(2, random_state=3)
@@ -72,11 +72,11 @@ def test_the_other_byte_order():
 @pytest.mark.parametrize(
     ("words", "wanted"),
     [
-        ("StreamFrames AllFrames 6D", Wanted((5,))),
-        ("streamframes frequencydivisor:4 6deuler 6dres", Wanted((6, 11), 4)),
-        ("StreamFrames Frequency:25 6DEulerRes", Wanted((12,), 4)),
-        ("StreamFrames AllFrames UDP:6734 6DEuler", Wanted((6,), 1, ("127.0.0.1", 6734))),
-        ("StreamFrames AllFrames UDP:10.0.0.9:6734 6D", Wanted((5,), 1, ("10.0.0.9", 6734))),
+        ("StreamFrames AllFrames 6D", Subscription((5,))),
+        ("streamframes frequencydivisor:4 6deuler 6dres", Subscription((6, 11), 4)),
+        ("StreamFrames Frequency:25 6DEulerRes", Subscription((12,), 4)),
+        ("StreamFrames AllFrames UDP:6734 6DEuler", Subscription((6,), 1, ("127.0.0.1", 6734))),
+        ("StreamFrames AllFrames UDP:10.0.0.9:6734 6D", Subscription((5,), 1, ("10.0.0.9", 6734))),
     ],
 )
 def test_what_is_streamed(client, words, wanted):

@@ -126,7 +126,7 @@ class OpenAlarms:
         self._drones = {drone.index: drone for drone in drones}
         self._open: dict[tuple[int, str], Event] = {}
         self._begun: dict[tuple[int, str], Event] = {}
-        """Of faults that go on: as they were reported."""
+        """Faults that go on, as they were reported."""
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -172,7 +172,7 @@ class OpenAlarms:
 MEMORY_S = 1.0
 _NO_AGES = (0.0, 0.0, math.nan, math.nan)
 _REPORTED = (True, True, False)
-"""Of a body without a link: ages as of `DroneLink.ages_s`; armed, off-board, and that its address is used twice."""
+"""A body without a link: its ages as of `DroneLink.ages_s`; armed, off-board, and that its address is used twice."""
 
 
 @dataclass(slots=True)
@@ -232,7 +232,7 @@ class FactGatherer:
             self._attitudes.receive_attitudes(np.array(which), np.array(stamps_ns), np.array(attitudes))
 
     def level_bias_rad(self) -> Float:
-        """Of each commanded vehicle's autopilot (m, 2); 0 where it is not known: `correct_level` takes it out."""
+        """Level bias of each commanded vehicle's autopilot (m, 2), 0 where not known; `correct_level` takes it out."""
         return self._attitudes.level_bias_rad(self._own)
 
     def hover_thrusts_norm(self) -> Scalars:

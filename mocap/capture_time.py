@@ -13,7 +13,7 @@ from itertools import pairwise
 
 BUCKET_NS = 250_000_000
 WINDOW = 120
-"""Of each bucket the least is kept; so many buckets are remembered."""
+"""The least of each bucket is kept; so many buckets are remembered."""
 SLOPE_NS = 6_000_000_000
 """The slope is believed when the points span so much."""
 STEEPEST = 1e-3

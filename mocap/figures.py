@@ -14,7 +14,7 @@ Times = NDArray[np.int64]
 FRAMES_MAX = 512
 WINDOW_NS = 2_000_000_000
 BURST_SHARE = 0.01
-"""Of spacings: a clock that is set once in a window of two seconds is less."""
+"""Share of spacings: a clock that is set once in a window of two seconds is less."""
 CAUGHT_UP, GAP = 0.5, 1.5
 """A frame that follows the one before it by less than this share of the period catches up; by more than GAP, lags."""
 STILL_M = 0.01
@@ -23,7 +23,7 @@ STILL_M = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Of the frames: rate and standard deviation of the exposures' spacing, share lost, delay (median), longest gap.
+    """The frames' rate and standard deviation of the exposures' spacing, share lost, delay (median), longest gap.
 
     arrival_stamps: the stamps are arrival times, as they come in bursts.
     """
@@ -38,7 +38,7 @@ class Timing:
 
 @dataclass(frozen=True, slots=True)
 class BodyFigures:
-    """Of one body: share of frames it was seen in, longest time unseen, noise (None while it moves), newest pose."""
+    """One body's share of frames it was seen in, longest time unseen, noise (None while it moves), newest pose."""
 
     body: str
     seen_share: float
@@ -49,7 +49,7 @@ class BodyFigures:
 
 
 def timing(captured_ns: Times, received_ns: Times, seq: Times) -> Timing:
-    """Of at least two frames; exposure, receipt and number of each (k)."""
+    """The figures of at least two frames; exposure, receipt and number of each (k)."""
     spacing_s = np.diff(captured_ns) * 1e-9
     steps = np.maximum(np.diff(seq), 1)
     passed_s = float(spacing_s.sum())

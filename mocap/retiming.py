@@ -18,7 +18,7 @@ from mocap.figures import CAUGHT_UP, GAP, is_stamped_on_arrival
 WINDOW, JUDGED = 200, 20
 """Stamps are judged by so many frames, every so many; from the same the first period is learnt."""
 BUCKET, BUCKETS, ABOVE = 16, 64, 20
-"""Of so many frames the least late one is kept, and so many of those; ABOVE of them over the line start it over."""
+"""The least late of so many frames is kept, and so many of those; ABOVE of them over the line start it over."""
 SLOPE_FRAMES, SLOPE_SHARE = 100, 0.05
 """Over so many frames the line's own slope counts, within this share of the first period."""
 LAGGING, LAG_SHARE = 3, 0.9

@@ -158,7 +158,7 @@ class TimeSyncClient:
 
     @property
     def round_trip_s(self) -> float:
-        """Of the exchange that is believed, s; NaN before the first answer."""
+        """Round trip of the exchange that is believed, s; NaN before the first answer."""
         return float("nan") if self.clock.round_trip_ns is None else self.clock.round_trip_ns * 1e-9
 
     def due(self, now_ns: int) -> TimeSync | None:

@@ -29,7 +29,7 @@ _TEXT = re.compile(r"\"{3}.*?(?:\"{3}|$)|'{3}.*?(?:'{3}|$)|\"(?:[^\"\\\n]|\\.)*\
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """Of a file, its lines by key as messages have it, `followers[0].offset_m`, and the followers' names by theirs."""
+    """A file's lines by key as messages have it, `followers[0].offset_m`, and the followers' names by theirs."""
 
     source: str
     lines: Mapping[str, int]

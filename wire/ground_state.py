@@ -17,7 +17,7 @@ from formation.requests import CONFIGURED
 from wire.text import parse_object
 
 VERSION = 1
-"""Of the schema; raised with every change of a key's meaning, and with every key that goes."""
+"""Version of the schema; raised with every change of a key's meaning, and with every key that goes."""
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
 

@@ -47,7 +47,7 @@ class ShapeMaker(Protocol):
 
 
 class Surroundings:
-    """Of a lab file in `folder`; `formation.trajectory_config.PathReader` for the models that are read from it."""
+    """A lab file's surroundings in `folder`; `formation.trajectory_config.PathReader` for the models read from it."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

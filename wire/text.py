@@ -24,7 +24,7 @@ def plain(text: str, longest: int) -> str:
 MOST_CHARACTERS = 1 << 20
 DEEPEST = 32
 MOST_DIGITS = 19
-"""Of a whole number: those of 64 bits."""
+"""Digits of a whole number: those of 64 bits."""
 
 _DIGITS = bytes.maketrans(b"123456789E", b"000000000e")
 _TEXTS = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)

@@ -84,7 +84,7 @@ OTHER_SYSTEM = "message to another system, or to every system"
 PAST_CHECKS = "arming past the autopilot's checks"
 
 POSES = frozenset({MessageId.VISION_POSITION_ESTIMATE, MessageId.ATT_POS_MOCAP, MessageId.ODOMETRY})
-"""Of a ground: those of the bridge take their place."""
+"""Poses that a ground sends: those of the bridge take their place."""
 READS = frozenset(
     {
         MessageId.HEARTBEAT,

@@ -40,7 +40,7 @@ _ONE = np.array([0])
 _INNOVATION_NS = 100_000_000
 """Between recorded innovations: ten a second show how a source behaves; what it did is in the log's own streams."""
 _SCALE_LEAST, _SCALE_MOST = 0.4, 2.5
-"""Of true over modelled thrust: as far as a profile may be another vehicle's, from 0.3 to 0.75 of full to hover."""
+"""True over modelled thrust, as far as a profile may be another vehicle's: from 0.3 to 0.75 of full to hover."""
 _LOSS_LASTS_NS, _LOSS_LEFT = 200_000_000, 0.875
 """Less of the thrust scale than half of the least loss in the table takes, so long after it was detected."""
 _UPSET_RAD_S = 2.0

@@ -13,7 +13,7 @@ from formation.messages import Severity
 from wire.link_messages import Address, CommandAck, MavCommand, Result
 
 LAND_AFTER_S = 1.0
-"""Of holding, where nothing else is configured and a pose from outside is all there is."""
+"""Time of holding, where nothing else is configured and a pose from outside is all there is."""
 _OWN_PERIODS = 3
 _PERIODS_MEASURED = 20
 """Number of periods averaged for a stream's rate; a single one may be short, as a sender catches up."""

@@ -21,7 +21,7 @@ from formation.maths.records import Rows, rows
 from formation.navigation.evidence import LATE, LATER, LOSS, NOTHING, ONSETS, RAMP, STEP, Shape
 
 FALSE_ALARMS_1_H = 0.01
-"""Of each row and drone: one in 100 hours of flight."""
+"""False alarms of each row and drone: one in 100 hours of flight."""
 
 
 class Effect(IntEnum):

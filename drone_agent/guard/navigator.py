@@ -39,7 +39,7 @@ class Fault:
 
 
 class Navigator:
-    """Of n bodies. rejected (n, inputs, reasons): how many inputs were used (NONE) and rejected, why."""
+    """The navigator of n bodies. rejected (n, inputs, reasons): how many inputs were used (NONE) and rejected, why."""
 
     def __init__(
         self,
@@ -60,7 +60,7 @@ class Navigator:
         self._fault_ns: Ints = self.bodies["fault"]["t_ns"]
         self._fault_row: Ints = self.bodies["fault"]["row"]
         self.thrust_scale: Float = self.bodies["estimate"]["thrust_scale"]
-        """Of each body (n): true over modelled thrust."""
+        """True over modelled thrust of each body (n)."""
         newest = self.bodies["innovations"]
         self._newest = tuple(
             newest[name]

@@ -125,7 +125,7 @@ class SetpointFilter:
 TILT_MAX_RAD = math.radians(50.0)
 """Half as much again as the ground's own limit asks for; PX4's MPC_TILTMAX_AIR is 45 degrees."""
 LIFT_MAX = 2.5
-"""Of thrust over weight, where the vehicle has more."""
+"""Thrust over weight at most, where the vehicle has more."""
 BEYOND = "setpoint beyond tilt, body rates or thrust"
 """The report of limited setpoints."""
 _TILT_MAX_COS = math.cos(TILT_MAX_RAD)

@@ -22,7 +22,7 @@ from wire.errors import ConfigError
 from wire.process.daemon import EventSink
 
 BootTimes = Callable[[int], int | None]
-"""Of a drone's system id: when its autopilot booted, on our clock; None where that is not known."""
+"""When the autopilot of a drone's system id booted, on our clock; None where that is not known."""
 POLL_NS = 1_000_000_000
 MOST = 1000
 """Entries: 250 drones, each with a few."""

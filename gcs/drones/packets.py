@@ -16,7 +16,7 @@ POSE_NS = 20_000_000
 
 
 class Packets:
-    """Of one ground: the heartbeat rides on ticks with a frame alone, poses on every second one at 100 Hz."""
+    """One ground's packets: the heartbeat rides on ticks with a frame alone, poses on every second one at 100 Hz."""
 
     def __init__(self, drones: Sequence[Drone], feeds_pose: bool, session: int, t0_ns: int) -> None:
         """feeds_pose: whether drones are sent their own pose. session: the ground session."""

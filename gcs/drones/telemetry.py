@@ -225,7 +225,7 @@ class Telemetry:
     setpoint_age_ns: int = NEVER_NS
     estimator: EkfStatus | None = None
     sensors_unhealthy: int = 0
-    """Of SYS_STATUS: what is switched on and not healthy (SensorFlag)."""
+    """Sensors that SYS_STATUS has as switched on and not healthy (SensorFlag)."""
     origin: bool = False
     force: SpecificForce = field(default_factory=SpecificForce)
 

@@ -16,7 +16,7 @@ from gcs.lab.keys import Keys
 
 SPEED, REACH, TURNING, ENDURANCE, HEIGHT = "speed", "reach", "turn", "endurance", "height"
 EASY_SHARE = 0.7
-"""Of what a vehicle can accelerate: the rest is for corrections."""
+"""Share of a vehicle's acceleration that a trajectory may use: the rest is for corrections."""
 DESCENT_MOST_M_S = 1.0
 LONGEST_S, LANDING_MOST_S = 3600.0, 50.0
 GROUND_EFFECT_WHEELBASES = 2.0
@@ -42,7 +42,7 @@ class Peak:
 
 
 def peaks(config: LabConfig, ahead: Preview) -> tuple[Peak, ...]:
-    """Of all vehicles, leader first."""
+    """The peaks of all vehicles, leader first."""
     motions = [ahead.leader[:, :, :3], *np.moveaxis(ahead.slots, 1, 0)]
     drags_1_s = [np.zeros(3) if v.sysid is None else config.profile_of(v).drag_1_s for v in config.vehicles]
     return tuple(_peak(v.body, *of) for v, *of in zip(config.vehicles, motions, drags_1_s, strict=True))

@@ -345,7 +345,7 @@ UNGUARDED = (
 )
 UNADDRESSED = "a pose has no addressee in MAVLink, so all drones at one end hear the poses of all. Give each its own"
 ROTOR_LEAST, ROTOR_MOST, GYRATION_LEAST = 0.1, 1.2, 0.1
-"""Of an arm: a propeller's radius (shipped vehicles: 0.41 to 1.0), and how far out the mass is (0.33 to 0.65)."""
+"""Shares of an arm: a propeller's radius (shipped vehicles: 0.41 to 1.0), how far out the mass is (0.33 to 0.65)."""
 W_LAST = (0.0, 0.0, 0.0, 1.0)
 
 

@@ -20,7 +20,7 @@ from wire.text import parse_object
 TOKEN_BYTES = 32
 SESSION_NS = 12 * 3600 * 10**9
 SESSIONS_MOST = 16
-"""Of one operator: as many more end that operator's oldest, and nobody else's."""
+"""Sessions of one operator: as many more end that operator's oldest, and nobody else's."""
 _READ_NS = 500_000_000
 """How long what was read of the tokens counts: a revoked token ends its sessions within this."""
 

@@ -146,7 +146,7 @@ class QualisysSession:
         self._feed = feed
         self._stream = Stream()
         self._names: tuple[tuple[str, ...], ...] | None = None
-        """Of all bodies, and of those that are enabled: a frame may hold either."""
+        """The names of all bodies, and of those that are enabled: a frame may hold either."""
         self._rows: int | None = None
         self._off: tuple[str, ...] = ()
         self._version = self._streaming = self._idle = False

@@ -90,7 +90,7 @@ class Feed:
 
 
 def seconds(ns: int | None) -> float | None:
-    """Of nanoseconds; None of what is not known."""
+    """Nanoseconds in seconds; None for what is not known."""
     return None if ns is None else ns * 1e-9
 
 

@@ -221,7 +221,7 @@ def rows_of(segments: Sequence[bytes | None]) -> Rows:
 
 
 class Layout:
-    """Of a packet of which nothing was refused; roots: each subject's root segment, as it is written."""
+    """The layout of a packet of which nothing was refused; roots: each subject's root segment, as it is written."""
 
     def __init__(self, blocks: Sequence[Block], roots: Mapping[int, bytes]) -> None:
         self.changing: dict[int, slice] = {}

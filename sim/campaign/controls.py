@@ -79,7 +79,7 @@ class ControlResult:
 
 @dataclass(frozen=True, slots=True)
 class Shares:
-    """Of one monitor, the share of flights that failed without it, and with it."""
+    """The share of one monitor's flights that failed without it, and with it."""
 
     without: float
     with_it: float
@@ -222,7 +222,7 @@ def jobs(seed: int, flights: int, only: Sequence[str] = ()) -> list[ControlJob]:
 
 
 def shares(flown: Sequence[ControlJob], tried: Sequence[ControlResult]) -> dict[str, Shares]:
-    """Of each monitor, the shares of its flights that failed."""
+    """The shares of each monitor's flights that failed."""
     tried_of: dict[str, list[ControlResult]] = {}
     for job, one in zip(flown, tried, strict=True):
         tried_of.setdefault(job.monitor, []).append(one)

@@ -35,7 +35,7 @@ SOONEST_S = 0.03
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Of a family: severities from low to high, in even steps of their logarithm, and lengths, s; for_s None: none."""
+    """A family's severities from low to high, in even steps of their logarithm, and lengths, s; for_s None: none."""
 
     low: float = 1.0
     high: float = 1.0

@@ -154,7 +154,7 @@ def outside_m(pos_m: Float, low_m: Float, high_m: Float) -> Float:
 
 
 def _separation(truth: Truth, airborne: Bool) -> list[Margin]:
-    """Of each pair that was in the air at once."""
+    """The separation margin of each pair that was in the air at once."""
     found = []
     for i in range(len(truth.names)):
         for j in range(i):
@@ -344,12 +344,12 @@ def _at(truth: Truth, flags: Bool, kind: str, text: str) -> Violation:
 
 
 def _margin(truth: Truth, kind: str, used: Float, text: str) -> Margin:
-    """Of the share that was used of a limit at each instant."""
+    """The margin by the share that was used of a limit at each instant."""
     at = int((used > 1.0).argmax() if (used > 1.0).any() else used.argmax())
     return Margin(kind, float(truth.t_s[at]), float(used.max()), text)
 
 
 def _least(margins: list[Margin]) -> tuple[Margin, ...]:
-    """Of each kind the one of which most was used."""
+    """The margin of each kind of which most was used."""
     kinds = dict.fromkeys(margin.kind for margin in margins)
     return tuple(max((m for m in margins if m.kind == kind), key=lambda m: m.used) for kind in kinds)

@@ -13,7 +13,7 @@ from sim.faults.fault import Family, Fault, OnsetPhase
 from sim.scenario import Scenario
 
 SEED, SHARED = 1, 8
-"""Of every row; and how many share a flight up to their onsets, so that all cores fly."""
+"""Every row's seed; and how many share a flight up to their onsets, so that all cores fly."""
 
 
 class Row(NamedTuple):

@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
 LOG_BYTES = 32 << 20
-"""Of a flight of two minutes: its log and report."""
+"""Log and report of a flight of two minutes."""
 UNIT_WITHIN = 0.01
 
 

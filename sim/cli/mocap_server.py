@@ -44,7 +44,7 @@ class Box:
 
 
 def box(options: BoxOptions) -> Box:
-    """Raises NotRight for what cannot be served."""
+    """Raises BoxError for what cannot be served."""
     clock = Clock(options.speed)
     t0_ns = clock.monotonic_ns()
     try:

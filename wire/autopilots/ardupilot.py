@@ -7,7 +7,7 @@ from wire.autopilots.table import AutopilotTable, FlightMode, ModeNumber, by_nam
 from wire.link_messages import MavAutopilot, ParamType
 
 THRUST_AS_THRUST = 8
-"""Of GUID_OPTIONS: SET_ATTITUDE_TARGET's thrust is thrust, not a climb rate."""
+"""Bit of GUID_OPTIONS: SET_ATTITUDE_TARGET's thrust is thrust, not a climb rate."""
 
 
 def _mode(number: int, name: str) -> ModeNumber:

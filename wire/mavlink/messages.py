@@ -37,7 +37,7 @@ UNKNOWN_COVARIANCE = (math.nan, *(0.0,) * 20)
 """One whose first element is NaN is unknown, says MAVLink; the rest stays zero and costs no bytes."""
 _MOST_16, _MOST_32 = 2**15 - 1, 2**31 - 1
 _ACCELEROMETER, _GYROSCOPE = 0x07, 0x38
-"""Of HIGHRES_IMU_UPDATED_FLAGS."""
+"""Bits of HIGHRES_IMU_UPDATED_FLAGS."""
 _BODY_FRD = 12
 _HEADING_UNKNOWN, _NO_CELL = 65535, 65535
 _LIPO, _ALL_SYSTEMS, _TEMPERATURE_UNKNOWN = 1, 1, 32767
@@ -45,8 +45,8 @@ _NO_ATTITUDE, _NO_THRUST = int(Ignore.ATTITUDE), int(Ignore.THRUST)  # plain, fo
 _PARAM_NAME = re.compile(r"[A-Za-z0-9_]{1,16}")
 
 RAW = "param_value"
-"""Of PARAM_VALUE and PARAM_SET. An integer in PX4's bytes may be a signalling NaN, which a float would quieten: kept as
-bytes, `raw` in ours."""
+"""The value in PARAM_VALUE and PARAM_SET. An integer in PX4's bytes may be a signalling NaN, which a float would
+quieten: kept as bytes, `raw` in ours."""
 
 Written = tuple[Layout, Fields]
 Read = Callable[[Fields], Any]

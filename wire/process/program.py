@@ -67,11 +67,11 @@ def _end_with(error: Any) -> NoReturn:
 
 
 class Program(_JsonErrors, TyperGroup):
-    """Of a program with commands."""
+    """The command line of a program with commands."""
 
 
 class SingleProgram(_JsonErrors, TyperCommand):
-    """Of a program without."""
+    """The command line of a program without commands."""
 
 
 class DefaultCommand(TyperGroup):

@@ -58,7 +58,7 @@ def safe_path_for_pools() -> Iterator[None]:
 
 
 REAL_TIME_PRIORITY = 10
-"""Of SCHED_FIFO's 1 to 99: before all ordinary processes, behind the kernel's own threads (50)."""
+"""One of SCHED_FIFO's 1 to 99: before all ordinary processes, behind the kernel's own threads (50)."""
 NICE = -10
 _LOCK_ALL_ON_FAULT = 1 | 2 | 4
 """MCL_CURRENT, MCL_FUTURE and MCL_ONFAULT: pages stay once they were used; unused ones take no memory."""

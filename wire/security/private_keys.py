@@ -35,7 +35,7 @@ REVOKED_NAMES = "revoked-names"
 HUB, TOKENS, STOP_KEY = "loopback", "tokens", "stop.key"
 OPERATIONS, OPERATIONS_SHOWN = "operations.log", 100
 KEY_BYTES = 32
-"""Of MAVLink signing."""
+"""Length of a MAVLink signing key."""
 _LOOSE = 0o077
 
 

@@ -52,7 +52,7 @@ class SerialLink:
 
 
 def device_and_baud(line: str) -> tuple[str, int]:
-    """Of the line "serial:DEV:BAUD"; ValueError for text that is none."""
+    """Device and baud rate of the line "serial:DEV:BAUD"; ValueError for text that is none."""
     kind, _, where = line.partition(":")
     device, _, baud = where.rpartition(":")
     if kind != "serial" or not device or not baud.isdecimal():

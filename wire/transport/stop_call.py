@@ -33,7 +33,7 @@ LARGEST = 1024
 SOURCE_MOST, TEXT_MOST = 100, 400
 _MAC, _ID, _DRAWN = 32, 8, 16
 NO_CHALLENGE = bytes(_DRAWN)
-"""Of a first request."""
+"""The challenge in a first request: none was given yet."""
 
 NO_STOP = "datagram that is no stop"
 UNKNOWN = "stop of a name that is not known"
@@ -115,7 +115,7 @@ ANSWER_S = 3.0
 """How long an answer is awaited where no other time is given."""
 AGAIN_S = 0.01
 HEAD_START_S = 0.1
-"""Of the datagrams: a busy computer takes longer to load the bus than a ground to answer."""
+"""Delay of the datagrams: a busy computer takes longer to load the bus than a ground to answer."""
 
 
 def ask_to_stop(

@@ -216,7 +216,7 @@ class ZenohBus:
     ) -> None:
         self.lab = lab
         self.protection = protection
-        """Of the bus, and of the drones' links that this process opens beside it."""
+        """What protects the bus, and the drones' links that this process opens beside it."""
         self._certificate_name = protection.bus.name
         self.listens = listens
         """Whether it listens where others look for the bus."""

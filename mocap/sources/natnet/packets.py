@@ -106,7 +106,7 @@ _VERSIONS = Struct("<4B4B")
 _CONNECTION = Struct("<QHB4s")
 _ECHO, _ECHOED = Struct("<Q"), Struct("<QQ")
 _OPTIONS = bytes(9)
-"""Of a connection: all data, not only what was subscribed to; the newest version that the server speaks; padding."""
+"""Options of a connection: all data, not only what was subscribed to; the server's newest version; padding."""
 WHICH_VERSION = b"Bitstream\0"
 """Asks for the version of the stream; with a number behind it, it would set it."""
 
@@ -216,9 +216,9 @@ def stream_version(payload: bytes) -> Version | None:
 BODY = np.dtype([("id", "<i4"), ("pose", "<f4", 7), ("error", "<f4"), ("params", "<i2")])
 """pose: x y z, quaternion x y z w."""
 TRACKED = 0x01
-"""Of a body's params: seen in this frame."""
+"""Bit of a body's params: seen in this frame."""
 MODELS_CHANGED, EDITED, VERSION_CHANGED = 0x02, 0x04, 0x08
-"""Of a frame's params; EDITED: what was recorded is played, not what the cameras see."""
+"""Bits of a frame's params; EDITED: what was recorded is played, not what the cameras see."""
 MARKER_BYTES, POINT_BYTES, VALUE_BYTES = 26, 12, 4
 
 _NUMBER = Struct("<i")

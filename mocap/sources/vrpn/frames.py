@@ -34,7 +34,7 @@ class _Track:
 
 
 class Stamps:
-    """Of one connection. coarse_ns: the step of stamps that are not used; 0 where they are."""
+    """The stamps of one connection. coarse_ns: the step of stamps that are not used; 0 where they are."""
 
     def __init__(self) -> None:
         self.coarse_ns = 0
@@ -233,7 +233,7 @@ REVERSALS = 5
 
 
 class Repeats:
-    """Of all bodies of one source, by row."""
+    """Repeated poses of all bodies of one source, by row."""
 
     def __init__(self) -> None:
         self._pos = np.full((0, 3), np.nan)

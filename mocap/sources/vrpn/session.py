@@ -143,7 +143,7 @@ class VrpnSession:
         return self._assembly.due_ns
 
     def uncertainty_ns(self, now_ns: int) -> int | None:
-        """Of the capture times, apart from the constant."""
+        """Uncertainty of the capture times, apart from the constant."""
         return self._time.uncertainty_ns(now_ns)
 
     def received(self, data: bytes, now_ns: int) -> bytes:
@@ -226,7 +226,7 @@ class VrpnSession:
         known.feed.report(Severity.WARNING, text)
 
     def _new_row(self, sender: int, sensor: int) -> int | None:
-        """Of what is seen for the first time; None where it is no body."""
+        """The row of what is seen for the first time; None where it is no body."""
         name = self._senders.get(sender)
         if name is None:
             self._known.feed.reject("pose of a sender that has no name yet")

@@ -174,11 +174,11 @@ class Responder:
     group: str | None
     unit_m: float = 1.0
     clients: dict[Address, int] = field(default_factory=dict)
-    """Of unicast: when each was last heard."""
+    """When each unicast client was last heard."""
     clock_step_ns: int = 0
     """How much the clock was set since the start."""
     ids: dict[str, int] = field(default_factory=dict)
-    """Of each body."""
+    """The streaming id of each body."""
     _last_id: int = 0
     changed: bool = False
     """Whether the next frame says that the models changed."""

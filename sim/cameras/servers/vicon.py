@@ -159,7 +159,7 @@ REMEMBERED = 200
 FIRST_FRAME = 1000
 """Real servers count since the cameras were started, not since anybody connected."""
 EXPOSURE_SHARE = 0.4
-"""Of the latency, in the cameras; the rest is the program's."""
+"""The cameras' share of the latency; the rest is the program's."""
 
 
 def vicon_server(config: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> Server:

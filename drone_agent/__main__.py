@@ -42,12 +42,12 @@ EPILOG = (
 
 
 def _bodies(incomplete: str) -> list[str]:
-    """What the Tab key offers: the vehicles of `lab.toml` here."""
+    """Names for the Tab key: the vehicles of `lab.toml` here."""
     return starting(bodies_of(lab_near(None)), incomplete)
 
 
 def _profiles(incomplete: str) -> list[str]:
-    """What the Tab key offers: the shipped vehicles."""
+    """Names for the Tab key: the shipped vehicles."""
     from formation.vehicle.profile import PROFILES
 
     return starting(PROFILES, incomplete)
@@ -55,7 +55,7 @@ def _profiles(incomplete: str) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What can be given on the command line; None where the file, or the default, says it."""
+    """The options of the command line; None where the file, or the default, says it."""
 
     sysid: Annotated[int | None, typer.Option(help="MAVLink system, 1..250; 1 if not given.")] = None
     link: Annotated[
@@ -141,7 +141,7 @@ def _fly(options: Options) -> None:
 
 
 def _process(drones: "list[GuardConfig]", report: "EventSink", clock: Clock) -> Coroutine[Any, Any, None]:
-    """What the process does: a bridge or simulated drones. Only what it is is imported; ConfigError."""
+    """The process's work: a bridge or simulated drones. Only the one that it is is imported; ConfigError."""
     if any("bridge" in drone.model_fields_set for drone in drones):
         from drone_agent.bridge import BridgeConfig, run_bridge
 

@@ -29,7 +29,7 @@ class SimulatedDroneConfig(GuardConfig):
     start_yaw_rad: float = 0.0
     disturbance: Disturbance = Disturbance()
     inertial_error: InertialError = InertialError()
-    """What its inertial sensors are wrong by: by them it knows its attitude, and where it is without a pose."""
+    """The errors of its inertial sensors: by them it knows its attitude, and where it is without a pose."""
     parameters: dict[str, float] = Field(default_factory=dict)
     parameter_file: Path | None = None
     """Where PARAM_SET keeps its values; not given: they die with the process."""

@@ -36,7 +36,7 @@ _BURST_NS = 1_000_000_000  # of telemetry: what a socket's buffer of the default
 
 
 class AgentOutgoing(NamedTuple):
-    """What one tick gives: packets for the ground, the true state if it is due, events, parameters to keep."""
+    """The output of one tick: packets for the ground, the true state if it is due, events, parameters to keep."""
 
     datagrams: tuple[Datagram, ...]
     truth: Truth | None
@@ -206,7 +206,7 @@ class AgentCore:
         return SimTruth((now_ns - self._t0_ns) // 1000, state.q_lab_from_flu, state.vel_lab_m_s, lat, lon, alt)
 
     def _answer(self, now_ns: int) -> None:
-        """What REQUEST_MESSAGE asked for, after its acknowledgement."""
+        """Send what REQUEST_MESSAGE asked for, after its acknowledgement."""
         for number in self._commander.wanted:
             self._report(number, now_ns)
         for answer in self._commander.answers:
@@ -246,7 +246,7 @@ class AgentCore:
 
 
 def _first_values(config: SimulatedDroneConfig, table: AutopilotTable) -> dict[str, float]:
-    """What this drone's parameters are set up to: its own number, its kind's hover thrust, its pose, its own values."""
+    """This drone's first parameters: its own number, its kind's hover thrust, its pose, its own values."""
     hover = round(profile(config.profile, config.profiles).hover_thrust_norm, 3)
     values = {table.system_parameter: float(config.sysid), table.hover_parameter: hover}
     return {**values, **(table.indoor if config.pose == "mocap" else {}), **config.parameters}

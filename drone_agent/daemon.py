@@ -128,7 +128,7 @@ def _uses_bus(config: SimulatedDroneConfig) -> bool:
 
 
 def _awaited(pumps: Sequence[_Pump], bus: ZenohBus) -> list[list[Precondition]]:
-    """What each waits for: the first for the bus that all share, each for its own pose."""
+    """The preconditions of each: the first for the bus that all share, each for its own pose."""
     poses = [[_awaited_pose(pump)] if pump.config.is_guarded else [] for pump in pumps]
     return [[awaited_bus(pumps[0].config, bus), *poses[0]], *poses[1:]]
 

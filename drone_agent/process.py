@@ -1,4 +1,4 @@
-"""What simulated drone and bridge share as processes: the timer, the ground's link, keys, what is awaited."""
+"""Code that the processes of simulated drone and bridge share: timer, the ground's link, keys, what is awaited."""
 
 import asyncio
 from collections.abc import Callable
@@ -38,7 +38,7 @@ class DeadlineTimer:
 
 
 def drone_protection(config: GuardConfig) -> Protection:
-    """What protects this drone's links. ConfigError for keys that are missing or open to others."""
+    """The protection of this drone's links. ConfigError for keys that are missing or open to others."""
     if config.keys is None:
         return Protection(BusAccess(insecure=config.insecure))
     identity = drone_identity(config.sysid)

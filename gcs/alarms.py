@@ -11,7 +11,7 @@ from formation.messages import Event, EventCode, Severity
 from wire.ground_state import Alarm, GroundState, PublishedEvent
 
 LOUD = Severity.ERROR
-"""What is as severe as this, or more, is heard until it is acknowledged."""
+"""An alarm as severe as this, or more, is heard until it is acknowledged."""
 MOST = 100
 EVENTS_MAX = 40
 """Events that are kept for viewers that connect later."""

@@ -76,7 +76,7 @@ class BrokenInvariantError(RuntimeError):
 
 
 class Outgoing(NamedTuple):
-    """What one tick wants sent and recorded, each in order."""
+    """The output of one tick, to be sent and recorded, each in order."""
 
     datagrams: tuple[Datagram, ...]
     replies: tuple[OperatorReply, ...]

@@ -1,4 +1,4 @@
-"""What a check found, and how findings are shown, counted and turned into an exit code."""
+"""The finding of a check, and how findings are shown, counted and turned into an exit code."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

@@ -69,7 +69,7 @@ class Flight:
         self._descent: Descent | None = None
 
     def plan(self) -> Plan:
-        """What the control is asked for now; who is sent no setpoints is not led, and all others keep clear of it."""
+        """The plan for the control now; a drone without setpoints is not led, and all others keep clear of it."""
         setpoints = tuple(drone.setpoint if drone.flown else IDLE for drone in self._drones)
         return Plan(setpoints, self.shape, self.trajectory_start_ns, self.rise_m, self.trajectory_name)
 

@@ -28,7 +28,7 @@ SAMPLES = 200  # along the leader's path; a sample takes 15 us of a tick
 def ask(
     request: OperatorRequest, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int
 ) -> tuple[Reject, ...]:  # fmt: skip
-    """What a start, a shape or a trajectory changes of the formation, or why it does not fit; else nothing.
+    """Change the formation by a start, a shape or a trajectory, or return why it does not fit; others change nothing.
 
     Called where gcs.permissions allows the request.
     """
@@ -166,7 +166,7 @@ def names(config: LabConfig) -> tuple[str, ...]:
 
 
 def space(config: LabConfig, leader_z_m: float) -> Space:
-    """What the lab's limits leave, for a leader at that height."""
+    """The space that the lab's limits leave for a leader at that height."""
     limits = config.limits
     floor_m, ceiling_m = max(limits.fence.low_m[2], 0.0), limits.fence.high_m[2]
     return Space(

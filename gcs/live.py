@@ -114,7 +114,7 @@ class Rerun:
             raise ViewerError(f"no Rerun: {error}") from error
 
     def begin(self, channels: Mapping[int, ChannelDescription]) -> None:
-        """What was pending belongs to the last log."""
+        """Begin a log; pending messages belong to the last one."""
         self._flush()
         self._channels = channels
 

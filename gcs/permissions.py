@@ -258,12 +258,12 @@ CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
         Verb.TRAJECTORY: (trajectory_choosable,),
     }
 )  # fmt: skip
-"""What must hold for each request, beside its phase (formation.safety.phases.TABLE), in the order of a flight."""
+"""The conditions of each request, beside its phase (formation.safety.phases.TABLE), in the order of a flight."""
 _TRIGGERS = frozenset(verb for verb in Verb if verb.value in set(Trigger))
 
 
 def parameter_warnings(link: DroneLink, feeds_pose: bool) -> tuple[tuple[str, str], ...]:
-    """What is not as wanted but does not keep the drone on the ground: parameters that were read, and what is wrong.
+    """Parameters that were read and are not as wanted, but do not keep the drone on the ground, each with a text.
 
     feeds_pose: whether this ground sends the drone its pose.
     """

@@ -1,4 +1,4 @@
-"""What a host records of a GcsCore, and in which order: the one definition that recording and replay share.
+"""The record of a GcsCore, and its order: the one definition that recording and replay share.
 
 Inputs at the time they were received, then the tick, then what it put out: records, datagrams, replies.
 """
@@ -50,7 +50,7 @@ class Thinning:
         """Whether the last tick was recorded whole."""
 
     def recorded(self, outgoing: Outgoing, now_ns: int) -> Iterator[tuple[Topic, object]]:
-        """What of a tick's outputs is recorded, in order."""
+        """Those of a tick's outputs that are recorded, in order."""
         for topic, message in outgoing.records:
             if topic is topics.PHASE and isinstance(message, PhaseChange):
                 self._calm = message.phase is Phase.GROUND
@@ -96,7 +96,7 @@ def outputs(outgoing: Outgoing) -> Iterator[tuple[Topic, object]]:
 
 
 def run_metadata(config: LabConfig, t0_ns: int, session: int = 0) -> dict[str, str]:
-    """What a log must say of its run to be replayed, and what it was flown with: gains and profiles as they were used.
+    """Metadata by which a log is replayed, and with which it was flown: gains and profiles as they were used.
 
     Hosts add what else they know (scenario, seed, link, lab file, machine).
     """

@@ -106,7 +106,7 @@ def _as_written(made: Iterator[Output], left_out: Mapping[str, frozenset[str]]) 
 
 
 def _left_over(expected: Iterator[Output], t_ns: int) -> Difference | None:
-    """What the replayed tick put out beyond the recorded one."""
+    """An output of the replayed tick that the recorded one lacks."""
     left_out = next(expected, None)
     if left_out is None:
         return None
@@ -121,7 +121,7 @@ class _RecordedOverruns:
         self._reasons = {failure.t_ns: failure.reason for failure in failures if failure.overran}
 
     def __call__(self, now_ns: int, call: Callable[[], Answer]) -> Answer:
-        """What `call` returns."""
+        """The result of `call`."""
         if now_ns in self._reasons:
             raise LawOverrunError(self._reasons[now_ns])
         return call()

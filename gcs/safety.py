@@ -61,12 +61,12 @@ class Host:
 
     @property
     def log_trouble(self) -> str:
-        """What is wrong with the log, in words; empty while it is written in time."""
+        """The fault of the log, in words; empty while it is written in time."""
         return "" if LOG_TROUBLE in self._without else self._report.log_trouble
 
     @property
     def button_trouble(self) -> str:
-        """What is wrong with the stop button, in words; empty while it is there, or none is configured."""
+        """The fault of the stop button, in words; empty while it is there, or none is configured."""
         return self._report.button_trouble
 
     def receive(self, report: HostReport) -> list[Event]:
@@ -93,7 +93,7 @@ class Host:
 
     @property
     def _troubles(self) -> tuple[Event, ...]:
-        """What may be wrong, as events; the text of one that is not is empty."""
+        """The possible faults, as events; the text of one that is not is empty."""
         troubles = (
             ("log", self.log_trouble, EventCode.LOG),
             ("security", self._report.exposed, EventCode.INSECURE),

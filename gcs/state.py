@@ -86,7 +86,7 @@ def ground_state(
 
 
 class _Numbers:
-    """What the state says of the n bodies and the m references in numbers; rounded all at once, not one at a time."""
+    """The numbers of the n bodies and the m references in the state; rounded all at once, not one at a time."""
 
     def __init__(self, facts: Facts, stages: Stages | None, config: LabConfig) -> None:
         n = len(facts.names)

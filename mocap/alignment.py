@@ -28,7 +28,7 @@ class Mounting(NamedTuple):
 
 
 class AlignedFrame(NamedTuple):
-    """What `_align` fills: pos (n, 3), q (n, 4), seen (n) and each body's Rejection (n), which come in as zeros."""
+    """The output of `_align`: pos (n, 3), q (n, 4), seen (n) and each body's Rejection (n), which come in as zeros."""
 
     pos_lab_m: Float
     q_lab_from_flu: Float

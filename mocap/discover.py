@@ -56,7 +56,7 @@ class Ports:
 
 
 def natnet_request() -> bytes:
-    """What NatNet servers answer with their information."""
+    """The NatNet servers that answer, with their information."""
     return packets.hello(MessageId.DISCOVERY, "mavlink-formation")
 
 
@@ -76,7 +76,7 @@ def natnet_finding(data: bytes, address: str) -> Finding | None:
 
 
 def qtm_request(answer_port: int) -> bytes:
-    """What QTM servers answer to that UDP port of ours."""
+    """The QTM servers that answer to that UDP port of ours."""
     return _QTM_HEADER.pack(_QTM_HEADER.size + _QTM_PORT.size, QTM_DISCOVER) + _QTM_PORT.pack(answer_port)
 
 
@@ -94,7 +94,7 @@ def qtm_finding(data: bytes, address: str) -> Finding | None:
 
 
 def vrpn_finding(cookie: bytes, address: str) -> Finding | None:
-    """What a VRPN server says first; None for anything else."""
+    """The version in a VRPN server's first bytes; None for anything else."""
     if not cookie.startswith(COOKIE):
         return None
     words = cookie[len(COOKIE) :].decode("ascii", "replace").split()
@@ -128,7 +128,7 @@ class _Asker(asyncio.DatagramProtocol):
 
 
 async def discover(hosts: Sequence[str] = (), wait_s: float = 1.0, ports: Ports | None = None) -> list[Finding]:
-    """What answers within `wait_s`, by broadcast and at `hosts`; in order."""
+    """The servers that answer within `wait_s`, by broadcast and at `hosts`; in order."""
     ports = ports or Ports()
     everywhere = dict.fromkeys((BROADCAST, *broadcasts(), *await _addresses(hosts, wait_s)))
     natnet = _Asker(lambda _: natnet_request(), natnet_finding, [(each, ports.natnet) for each in everywhere])

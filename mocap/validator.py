@@ -61,7 +61,7 @@ OFF_FLOOR_M = 0.1
 
 @dataclass(slots=True)
 class Memory:
-    """What is remembered of one body; a record.
+    """The memory of one body; a record.
 
     believed: the path that was believed last; other: a path that does not follow from it, or not surely; possible:
     whether the body can have come to where that began. code: why it is rejected now.
@@ -88,7 +88,7 @@ class Memory:
 
 
 class Frame(NamedTuple):
-    """What is judged: capture time, poses and flags (n), which come back believed, and each body's code (n)."""
+    """A frame that is judged: capture time, poses and flags (n), which come back believed, and each body's code (n)."""
 
     t_ns: int
     pos_lab_m: Float
@@ -98,7 +98,7 @@ class Frame(NamedTuple):
 
 
 class Criteria(NamedTuple):
-    """What it is judged by: the bodies' bounds and marker frames, which have motors on (n), and what is checked.
+    """The criteria: the bodies' bounds and marker frames, which have motors on (n), and what is checked.
 
     armed_known (n): whether a ground has reported it; until then it is not known to stand on the floor.
     watched (codes): whether a reason counts; a pose against which only an unwatched one speaks is believed.
@@ -542,7 +542,7 @@ class StampWatch:
         return False
 
     def why(self, t_capture_ns: int, now_ns: int) -> str:
-        """What is wrong with a rejected stamp, in words."""
+        """The fault of a rejected stamp, in words."""
         usual_ms, ms = 1e-6 * (self._least.at_ns(now_ns) or 0), 1e-6 * (now_ns - t_capture_ns)
         if ms > usual_ms:
             what = "the network or a busy computer holds frames back, or the cameras' clock was set"

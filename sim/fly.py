@@ -36,7 +36,7 @@ ANSWER_S = 25.0
 LANDING_PATIENCE_S = 20.0
 SILENT_NS = 3_000_000_000
 AFTER_NS = 500_000_000
-"""What is still recorded after the flight has ended."""
+"""Time that is still recorded after the flight has ended."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ async def simulated(
     drones_link: LinkConfig | None = None,
     hosts: int | None = None,
 ) -> AsyncIterator[ProcessGroup]:
-    """What stands for the laboratory: cameras and drones, without mocap process, ground and operator.
+    """The simulated laboratory: cameras and drones, without mocap process, ground and operator.
 
     drones_link: the drones' own end of their links, where something stands between them and the lab's. hosts: so many
     processes share the simulated drones; None: each is one.

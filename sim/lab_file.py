@@ -22,7 +22,7 @@ def with_stand_ins(lab: LabConfig) -> LabConfig:
 
 
 def stand_ins(lab: LabConfig) -> str:
-    """What is simulated, and what of the lab's own that takes the place of, in one line."""
+    """The simulated parts, and the lab's own parts that they replace, in one line."""
     links = [f"{vehicle.body} at {vehicle.link}" for vehicle in lab.vehicles if vehicle.link is not None]
     lines = ["simulated drones" + (f" instead of {', '.join(links)}" if links else "")]
     lines.append("emulated cameras" + (f" instead of {_source(lab.mocap)}" if lab.mocap.source != "zenoh" else ""))

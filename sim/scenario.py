@@ -54,7 +54,7 @@ class Pose(Model):
 
 
 class TrueVehicle(Model):
-    """What one simulated drone really is; `vehicle` overrides the profile its lab entry names.
+    """One simulated drone as it really is; `vehicle` overrides the profile its lab entry names.
 
     Without `start`, a follower stands on the floor below its slot, a commanded leader at the lab's origin.
     """

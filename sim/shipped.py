@@ -12,6 +12,6 @@ def shipped() -> dict[str, Path]:
 
 
 def about(path: Path) -> str:
-    """What a scenario's file says of itself."""
+    """The `about` of a scenario's file."""
     text: str = tomllib.loads(path.read_text(encoding="utf-8")).get("about", "")
     return text

@@ -1,4 +1,4 @@
-"""What a person has got wrong, in one line a fault."""
+"""Mistakes in input, in one line a fault."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """What is wrong with one key: `followers[1].offset_m`, its value as written if that is short, and why."""
+    """The fault of one key: `followers[1].offset_m`, its value as written if that is short, and why."""
 
     key: str
     value: str

@@ -74,7 +74,7 @@ class ObservedBody:
 
 @dataclass(frozen=True, slots=True)
 class Counters:
-    """What was counted since the start; late_share: of about the last second's frames."""
+    """Counters since the start; late_share: of about the last second's frames."""
 
     frames: int
     missed_frames: int
@@ -138,7 +138,7 @@ class Alarm:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What it has in common with the events of its condition (formation.messages.Event.key)."""
+        """The key that it shares with the events of its condition (formation.messages.Event.key)."""
         return self.source, self.code, self.subject if self.code else self.text
 
 

@@ -1,4 +1,4 @@
-"""What a lab file names outside itself: recorded ways beside it; ways, shapes and laws of the lab's own packages.
+"""A lab file's surroundings: recorded ways beside it; ways, shapes and laws of the lab's own packages.
 
 A package registers what it makes under an entry point; `examples/own_package` is one. Ways and shapes become part of
 the configuration when the file is read, so that a log replays where the package is not;
@@ -75,14 +75,14 @@ class Surroundings:
 
 
 def law_of(name: str, options: Mapping[str, Any]) -> Callable[[], ControlLaw]:
-    """What makes the lab's own law anew; ValueError where no package registers it, or it cannot be made so."""
+    """The maker of the lab's own law; ValueError where no package registers it, or it cannot be made so."""
     maker: LawMaker = _load(LAWS, name)
     _called(maker, **options)
     return partial(printing_to_stderr, partial(maker, **options))
 
 
 def printing_to_stderr(call: Callable[[], T]) -> T:
-    """What `call`, a lab's own code, returns; what it prints goes to standard error: a result is read on the other."""
+    """The result of `call`, a lab's own code; what it prints goes to standard error: a result is read on the other."""
     with redirect_stdout(sys.stderr):
         return call()
 
@@ -140,7 +140,7 @@ def _loaded(point: EntryPoint) -> Any:
 
 
 def _called(maker: Any, **options: Any) -> Any:
-    """What a maker makes; ValueError whatever it raises, its own and those about the options as they are."""
+    """The product of a maker; ValueError whatever it raises, its own and those about the options as they are."""
     try:
         return printing_to_stderr(partial(maker, **options))
     except (TypeError, ValueError) as error:
@@ -154,7 +154,7 @@ def _error_text(error: BaseException) -> str:
 
 
 def _rows(maker: Any, columns: int, **options: Any) -> list[list[float]]:
-    """What a maker makes, as rows of finite numbers."""
+    """The product of a maker, as rows of finite numbers."""
     made_of = _called(maker, **options)
     try:
         made = np.asarray(made_of, dtype=np.float64)

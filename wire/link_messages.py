@@ -1,4 +1,4 @@
-"""What crosses one drone's MAVLink link, in lab and flu axes and SI units; `wire.mavlink.codec` is its only encoding.
+"""The messages of one drone's MAVLink link in lab and flu axes, SI units; `wire.mavlink.codec` is their only encoding.
 
 Messages, their enumerations and flags have MAVLink's names. Times that ride on the link are the sender's own clock.
 What streams is a named tuple, which costs a third of a frozen dataclass to make; the rare dialogues (commands,

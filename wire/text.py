@@ -32,7 +32,7 @@ _BRACKETS = re.compile(r"[\[\]{}]")
 
 
 class JsonError(ValueError):
-    """What came is not JSON, or larger, deeper or with other numbers than any of ours."""
+    """The text is no JSON, or larger, deeper or with other numbers than any of ours."""
 
 
 def parse_json(text: str | bytes) -> Any:

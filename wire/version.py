@@ -1,4 +1,4 @@
-"""What this is a version of: the one place that knows the release and the commit it was made from."""
+"""The version: the one place that knows the release and the commit it was made from."""
 
 import subprocess
 from functools import cache

@@ -1,4 +1,4 @@
-"""What one autopilot is, as the agent simulates it: its table's modes and parameters, rules, words, rates. Data only.
+"""One autopilot as the agent simulates it: its table's modes and parameters, rules, words, rates. Data only.
 
 `drone_agent.autopilots.px4` and `drone_agent.autopilots.ardupilot` fill it; everything else asks it.
 """
@@ -40,7 +40,7 @@ POSITIONED = (ATTITUDE_ONLY & ~EstimatorFlag.CONST_POS_MODE) | (
 
 
 class Task(Enum):
-    """What the autopilot does with the vehicle, whatever the mode is called."""
+    """The autopilot's use of the vehicle, whatever the mode is called."""
 
     LEVEL = auto()
     HOLD = auto()
@@ -53,7 +53,7 @@ class Task(Enum):
 
 
 class Needs(Flag):
-    """What must be there for a mode to be flown."""
+    """The inputs that a mode needs to be flown."""
 
     NOTHING = 0
     POSITION = auto()
@@ -90,7 +90,7 @@ def mode_rows(
 
 @dataclass(frozen=True, slots=True)
 class StreamLoss:
-    """What the autopilot itself does about a dead stream: after how long, which mode it shows, what it flies.
+    """The autopilot's own reaction to a dead stream: after how long, which mode it shows, what it flies.
 
     mode None: the mode stays, and the stream may come back to it.
     """
@@ -126,7 +126,7 @@ class StatusTexts:
 
 @dataclass(frozen=True, slots=True)
 class ModeRequest:
-    """What a DO_SET_MODE or SET_MODE asks for; None of a mode it names wrongly."""
+    """The mode that a DO_SET_MODE or SET_MODE asks for; None for one that is named wrongly."""
 
     mode: FlightMode | None
     result: Result = Result.DENIED

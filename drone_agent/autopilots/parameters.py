@@ -81,7 +81,7 @@ class Parameters:
         return ParamValue(spec.name, raw, spec.type, len(self._specs), index)
 
     def changed(self) -> dict[str, float]:
-        """What differs from the defaults: what a parameter file keeps."""
+        """The values that differ from the defaults: a parameter file keeps them."""
         pairs = zip(self._specs, self._values, strict=True)
         return {spec.name: value for spec, value in pairs if value != float32(spec)}
 

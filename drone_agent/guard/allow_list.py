@@ -1,4 +1,4 @@
-"""What a ground may send a drone over a network: one table by message and field; everything else ends at the bridge.
+"""The messages that a ground may send a drone over a network, by message and field; all others end at the bridge.
 
 Numbers are MAVLink's (common.xml, 11 of ardupilotmega the same); a packet is judged by its version, its id and the
 fields of its payload. Nothing here knows keys: signatures are verified before.

@@ -77,7 +77,7 @@ _TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT)}
 
 
 class GuardOutgoing(NamedTuple):
-    """What one tick gives: packets for the ground, packets for the autopilot, events, innovations, detected faults."""
+    """The output of one tick: packets for ground and autopilot, events, innovations, detected faults."""
 
     to_ground: tuple[Datagram, ...]
     to_autopilot: tuple[Datagram, ...]

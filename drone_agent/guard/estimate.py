@@ -146,7 +146,7 @@ class BodyEstimate:
         return self._pose_fault if self._pose_fault and self._navigator.rejecting[0] and not self._stands else ""
 
     def pop_faults(self) -> tuple[Fault, ...]:
-        """What was detected since the last call."""
+        """The faults detected since the last call."""
         if not self._faults:
             return ()
         faults, self._faults = tuple(self._faults), []

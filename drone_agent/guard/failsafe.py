@@ -188,7 +188,7 @@ _FLOWN = (Stage.HOLD, Stage.LAND, Stage.DESCEND)
 
 
 class Turn(NamedTuple):
-    """What to do now: stages that begin, the one to fly an attitude target of, whether to command a landing, a stop."""
+    """The actions now: stages that begin, the one whose attitude target is flown, whether to command a landing, a stop."""
 
     begun: tuple[Stage, ...] = ()
     flown: Stage | None = None
@@ -288,7 +288,7 @@ class Takeover:
         return self.armed and self.stream.stage is Stage.STOPPED
 
     def due(self, now_ns: int, *, fed: bool, stands: bool) -> Turn:
-        """What to do now; fed: the body's own pose is fresh; stands: it was let down and sinks no more."""
+        """The actions now; fed: the body's own pose is fresh; stands: it was let down and sinks no more."""
         deadline_ns = self.deadline_ns()
         if deadline_ns is None or now_ns < deadline_ns:
             return Turn()

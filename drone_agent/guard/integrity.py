@@ -25,7 +25,7 @@ FALSE_ALARMS_1_H = 0.01
 
 
 class Effect(IntEnum):
-    """What a fault adds to what a source observes, per unit of its amplitude."""
+    """The contribution of a fault to a source's observation, per unit of its amplitude."""
 
     NOTHING = NOTHING
     STEP = STEP

@@ -144,7 +144,7 @@ class Navigator:
         )
 
     def new_faults(self) -> list[Fault]:
-        """What was detected since this was last asked."""
+        """The faults detected since the last call."""
         out = []
         for i, t_ns in enumerate(self._fault_ns.tolist()):
             if self._fault_row[i] >= 0 and t_ns > self._reported[i]:

@@ -37,7 +37,7 @@ class Belief(NamedTuple):
 
 
 class LoopSetpoint:
-    """What the attitude loop tracks: attitude, body-rate feed-forward and collective thrust (0..1).
+    """The target of the attitude loop: attitude, body-rate feed-forward and collective thrust (0..1).
 
     target (8): the three in a row, as the kernel takes them; not to be changed.
     """
@@ -65,7 +65,7 @@ class LoopSetpoint:
 
 
 class Demand(NamedTuple):
-    """What to fly: a place, a speed or neither (then level), a height or none (then `climb_m_s` alone), a heading."""
+    """The motion to fly: a place, a speed or neither (level), a height or none (then `climb_m_s` alone), a heading."""
 
     yaw_rad: float
     pos_lab_m: tuple[float, float] | None = None
@@ -149,8 +149,8 @@ _OPEN_LOOP_THRUST, _OPEN_LOOP_S, _OPEN_LOOP_FADE_1_S = 0.95, 3.0, 0.3  # 1.5 m i
 _STILL_M = 0.05
 """A body at rest keeps within: by its place, since without an IMU the estimated velocity of a body at rest is noise."""
 _STANDS_M, _STANDS_NS = 0.01, 500_000_000
-"""What is let down and moves less in that time stands. In the air the least thrust lets it sink 0.18 m; what was thrown
-up is within 1 cm of its highest for 0.3 s.
+"""A body that is let down and moves less in that time stands. In the air the least thrust lets it sink 0.18 m; thrown up,
+it is within 1 cm of its highest for 0.3 s.
 """
 
 
@@ -168,7 +168,7 @@ class BodyHold:
         self._yaw_rad = 0.0
         self._hover_norm = estimate.hover_thrust_norm
         self._sink_norm: float | None = None
-        """What carried it as it began to sink; None: it does not."""
+        """The thrust that carried it as it began to sink; None: it does not."""
         self._tilt_acc_lab_m_s2 = (0.0, 0.0)
         self._q_lab_from_flu: Quat = IDENTITY
         self._noted_ns = 0

@@ -113,7 +113,7 @@ class SetpointFilter:
         return True
 
     def _sender(self, source: Address) -> _Sender:
-        """What is known of a sender; of more than eight at a time one whose clock is not known is forgotten first."""
+        """The state of a sender; of more than eight at a time one whose clock is not known is forgotten first."""
         known = self._senders.get(source)
         if known is None:
             if len(self._senders) >= _SENDERS:

@@ -22,7 +22,7 @@ class Stage(Enum):
 
 
 class Trigger(Enum):
-    """What can change the stage: an order, or something seen to have happened."""
+    """A cause that can change the stage: an order, or something seen to have happened."""
 
     ARM = "arm"
     STREAM = "setpoint mode, stream alive"

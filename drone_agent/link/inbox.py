@@ -1,4 +1,4 @@
-"""What the agent does with each MAVLink message that comes in, and what it answers."""
+"""The agent's reaction to each MAVLink message that comes in, and its answers."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""What the agent reports of itself: one builder for each message id it can send."""
+"""The agent's telemetry: one builder for each message id it can send."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

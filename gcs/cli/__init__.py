@@ -1,1 +1,1 @@
-"""What the commands of `gcs` do in a terminal."""
+"""The commands of `gcs` in a terminal."""

@@ -109,7 +109,7 @@ def install(
 
 
 def _proof(outcome: "ProbeOutcome") -> str:
-    """What the autopilot did after it was given its key."""
+    """The autopilot's answer after it was given its key, in words."""
     if outcome.demands_signatures:
         return "the autopilot has its key: it obeys what is signed, and nothing that is not"
     if outcome.has_key:

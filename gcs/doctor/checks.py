@@ -181,13 +181,13 @@ ALWAYS_UNSIGNED = {
     MavAutopilot.PX4: "HEARTBEAT, RADIO_STATUS, ADSB_VEHICLE, COLLISION",
     MavAutopilot.ARDUPILOT: "RADIO_STATUS, RADIO; everything on its first serial port (USB)",
 }
-"""What firmwares accept unsigned, whatever their key: PX4's mavlink_sign_control.cpp, ArduPilot's GCS_Signing.cpp."""
+"""Messages that firmwares accept unsigned, whatever their key: PX4's mavlink_sign_control.cpp, GCS_Signing.cpp."""
 SIGNATURE, UNSIGNED_REJECTED = "signature", "unsigned refused"
 
 
 @dataclass(frozen=True, slots=True)
 class DroneReport:
-    """What was learned of one drone; None or NaN where nothing was. `parameters` holds only what it answered.
+    """One drone as it was found; None or NaN where nothing was learned. `parameters` holds only what it answered.
 
     packets: how many came from it. unhealthy: what the autopilot reports as missing; None where it reported
     nothing. awaiting_restart: parameters that are right by now and were not when it booted, each with why.

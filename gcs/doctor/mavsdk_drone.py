@@ -71,7 +71,7 @@ class MavsdkPort:
 
 @dataclass(frozen=True, slots=True)
 class MavsdkReport:
-    """What MAVSDK read of one drone; unhealthy: what it lacks, None if it did not report its health."""
+    """One drone as MAVSDK read it; unhealthy: what it lacks, None if it did not report its health."""
 
     version: str
     unhealthy: tuple[str, ...] | None

@@ -46,7 +46,7 @@ def record_path(lab_file: Path) -> Path:
 
 
 def read_record(lab_file: Path) -> tuple[Unmet, ...]:
-    """What is recorded beside the lab file, nothing where there is no record; ConfigError."""
+    """The record beside the lab file, empty where there is no record; ConfigError."""
     path = record_path(lab_file)
     return load(path, _Record).unmet if path.exists() else ()
 

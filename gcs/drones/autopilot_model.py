@@ -1,4 +1,4 @@
-"""What the ground asks of each autopilot, as data: off-board mode, parameters, streams, which setpoint fields it reads.
+"""The ground's demands on each autopilot, as data: off-board mode, parameters, streams, setpoint fields that it reads.
 
 Built on wire.autopilots' tables; a drone's heartbeat says which applies. Everything else is one code for all.
 """
@@ -33,7 +33,7 @@ IDLE_DISARM_LEAST_S = 8.0  # arming a swarm takes three seconds, a take-off thre
 
 @dataclass(frozen=True, slots=True)
 class ParameterRule:
-    """What one parameter must be for our flight, and why; `set_to` is what `gcs doctor --fix` writes.
+    """A parameter's value that a flight needs, and why; `set_to` is what `gcs doctor --fix` writes.
 
     vital: without it our setpoints would be misread or not die in time, so arming is refused, but for a value that it
     tolerates.
@@ -113,7 +113,7 @@ _PX4_NEEDS = {
 
 
 def _px4_unready(telemetry: Telemetry) -> str:
-    """What PX4's health report lacks for any flight of ours; what else it refuses for, it says when it is armed."""
+    """The lacks in PX4's health report that forbid any flight of ours; it reports its others when it is armed."""
     lacks = telemetry.sensors_unhealthy
     return ", ".join(f"PX4 reports no {name}" for bit, name in _PX4_NEEDS.items() if lacks & bit)
 

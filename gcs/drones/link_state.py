@@ -131,7 +131,7 @@ class DroneLink:
         self.boot_parameters = BootParameters()
 
     def ages_s(self, now_ns: int) -> tuple[float, float, float, float]:
-        """What `heartbeat_age_s`, `silent_s`, `behind_s` and `setpoint_age_s` return, in one call a tick."""
+        """`heartbeat_age_s`, `silent_s`, `behind_s` and `setpoint_age_s`, in one call a tick."""
         telemetry = self.telemetry
         return (
             math.inf if telemetry.heartbeat is None else (now_ns - self.heartbeat_ns) * 1e-9,
@@ -356,7 +356,7 @@ class DroneLink:
             self._guard_ns = now_ns
 
     def guard_words(self, now_ns: int) -> str:
-        """What the guard beside it warned of first, where it has warned of late; else the empty text."""
+        """The first of the guard's warnings, where it has warned of late; else the empty text."""
         return self._guard_text if now_ns - self._guard_ns < GUARD_NS else ""
 
     def _receive_heartbeat(self, heartbeat: Heartbeat, now_ns: int) -> None:

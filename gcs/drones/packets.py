@@ -1,4 +1,4 @@
-"""What the drones are sent in a tick: setpoint, pose, the ground's heartbeat, and what each link has to say."""
+"""The packets to the drones in a tick: setpoint, pose, the ground's heartbeat, and what each link has to say."""
 
 from collections.abc import Sequence
 

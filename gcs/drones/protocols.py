@@ -67,7 +67,7 @@ def stream(target: Address, message_id: int, rate_hz: float) -> CommandLong:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What became of a command: the drone's result, or None where it never answered."""
+    """The answer to a command: the drone's result, or None where it never answered."""
 
     result: Result | None
     t_ns: int
@@ -112,7 +112,7 @@ class CommandChannel:
         self._urgent = True
 
     def calm(self) -> None:
-        """What was urgent is done, whether or not it was answered."""
+        """End the urgent command, whether or not it was answered."""
         if self._urgent:
             self.current, self._urgent = None, False
 
@@ -167,7 +167,7 @@ class ParameterReader:
     autopilot: MavAutopilot
     values: dict[str, float] = field(default_factory=dict)
     open: dict[str, _Question] = field(default_factory=dict)
-    """What an answer is still hoped for; without any nothing is due."""
+    """The questions without an answer yet; without any nothing is due."""
 
     def ask(self, names: Iterable[str]) -> None:
         """Read these, again if they were read before."""

@@ -1,4 +1,4 @@
-"""What the ground receives of its drones: packets, the newest of each message, their own estimates.
+"""The ground's view of its drones: packets, the newest of each message, their own estimates.
 
 *Packets.* Losses by sequence number, and two senders under one identity, whatever the packets say.
 *Messages.* Those that are read, and the modes that are a pilot's.

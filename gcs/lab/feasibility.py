@@ -104,7 +104,7 @@ def _speed_and_tilt(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[F
 
 
 def _reach(config: LabConfig, i: int, tilt_rad: float, peak: Peak) -> float:
-    """What share of vehicle i's tilt and thrust its way takes, 1: all."""
+    """The share of vehicle i's tilt and thrust that its path takes, 1: all."""
     profile = config.profile_of(config.vehicles[i])
     spare_m_s2 = max(profile.thrust_max_n / profile.mass_kg - GRAVITY_M_S2, 1e-9)
     lateral = peak.lateral_m_s2 / (GRAVITY_M_S2 * tan(tilt_rad))
@@ -173,7 +173,7 @@ def _heights(config: LabConfig, keys: Keys) -> Iterator[Finding]:
 
 
 def _vehicles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
-    """What no quadcopter is: a profile of the lab's own that could not hover, or hardly."""
+    """Reject what is no quadcopter: a profile of the lab's own that could not hover, or hardly."""
     for k, own in enumerate(config.profiles):
         hover = own.weight_n / own.thrust_max_n
         why = f"all of its thrust is {1.0 / hover:.2f} times its weight: SI is meant, kilograms and newtons"

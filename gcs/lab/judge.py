@@ -396,7 +396,7 @@ def _mocap(config: LabConfig, keys: Keys) -> Iterator[Finding]:
 
 
 def _camera_system(config: LabConfig, keys: Keys) -> Iterator[Finding]:
-    """What is said of a camera system, and whether it is the lab's."""
+    """Judge the table of a camera system, and whether it is the lab's."""
     mocap = config.mocap
     if mocap.source in CAMERA_SYSTEMS:
         table = getattr(mocap, mocap.source)

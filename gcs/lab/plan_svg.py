@@ -151,7 +151,7 @@ class _Sheet:
         return [_line(left, down, right, down, INK, 1.5), *ends, text]
 
     def legend(self) -> list[str]:
-        """What the lines are, in a row."""
+        """The meaning of the lines, in a row."""
         down, right = TOP + self.height + 62.0, LEFT + self.px_m * self.step_m + 74.0
         items = [(FENCE, "", "fence"), (LEADER, "", "leader's path"), (FOLLOWER, "", "slots' paths")]
         items.append((QUIET, "3 3", "minimum separation"))

@@ -108,7 +108,7 @@ def _cookie(value: str, more: str) -> tuple[bytes, bytes]:
 
 
 async def _body(receive: Receive) -> bytes:
-    """What was posted; nothing of what is too long."""
+    """The posted body; empty where it is too long."""
     body = b""
     while len(body) <= BODY_MOST:
         message: Mapping[str, Any] = await receive()

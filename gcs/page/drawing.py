@@ -1,4 +1,4 @@
-"""What the page shows, as HTML and SVG: the room by two cameras, then tables and words. Pure.
+"""The page's views as HTML and SVG: the room by two cameras, then tables and words. Pure.
 
 Whatever drones, logs and people said is escaped.
 """
@@ -345,10 +345,10 @@ def visitor(name: str, role: Role) -> str:
 
 
 def stopped(shown: Show) -> str:
-    """What a stop has done."""
+    """The effect of a stop."""
     return escape(shown.stop)
 
 
 def feasible(text: str, against: str) -> str:
-    """What is foreseen of a shape."""
+    """The forecast of a shape."""
     return f'<span class="bad">✖ {escape(against)}</span>' if against else f"✔ {escape(text)}"

@@ -90,7 +90,7 @@ class Model:
         self._mocap, self._mocap_ns = state, now_ns
 
     def show(self, now_ns: int, unix_s: float) -> Show:
-        """What is to be shown now; a ground that falls silent is an alarm, once."""
+        """The view now; a ground that falls silent is an alarm, once."""
         if self.state is None:
             return NOTHING_YET
         silent_s = (now_ns - self._state_ns) * 1e-9

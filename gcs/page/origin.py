@@ -58,7 +58,7 @@ class OwnPagesOnly:
 
 
 def policy(document: bytes) -> bytes:
-    """What a browser may do with the document: run the scripts that it came with, and load nothing from elsewhere.
+    """The document's Content-Security-Policy: run the scripts that it came with, and load nothing from elsewhere.
 
     Markup that comes later brings no script of its own, handlers in attributes among them: those scripts alone are
     named, by their hashes. 'unsafe-eval' cannot go, since NiceGUI (3.18) compiles its components in the browser, nor

@@ -107,7 +107,7 @@ class Page:
         client.on_disconnect(lambda: self._leave(viewer))
 
     def reject(self, source: str, why: str) -> None:
-        """What came of somebody else was not used: a line here, and an alarm, at most once a second."""
+        """Report a rejected input of somebody else: a line here, and an alarm, at most once a second."""
         now_ns = self._clock.monotonic_ns()
         self._reject_log.note(plain(source, SOURCE_MOST), why, now_ns)
         for event in self._reject_log.due(now_ns):

@@ -1,4 +1,4 @@
-"""What the page and `gcs watch` show: the ground's state, the mocap's and the time make one frozen `Show`. Pure."""
+"""The view of the page and of `gcs watch`: the ground's state, the mocap's and the time make a `Show`. Pure."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -179,7 +179,7 @@ def none_of_ours(whose: str) -> Iterator[None]:
 def show(
     state: GroundState | None, mocap: Mapping[str, Any] | None, silent_s: float, start_against: Sequence[str] = ()
 ) -> Show:
-    """What to show of the newest states; silent_s: since the ground was last heard, s.
+    """The view of the newest states; silent_s: since the ground was last heard, s.
 
     start_against: reasons against a start that the ground finds only when asked (gcs.page.foresee).
     """
@@ -214,7 +214,7 @@ def _step(verb: Verb, state: GroundState, start_against: Sequence[str]) -> Step:
 
 
 def countdowns(state: GroundState) -> tuple[str, ...]:
-    """What runs out: armed drones that disarm by themselves (the first of them), a landing's time, a trajectory's."""
+    """The countdowns: armed drones that disarm by themselves (the first of them), a landing's time, a trajectory's."""
     texts = []
     left = [(drone.disarms_in_s, drone.body) for drone in state.drones if drone.disarms_in_s is not None]
     if left:
@@ -229,7 +229,7 @@ def countdowns(state: GroundState) -> tuple[str, ...]:
 
 
 def stop_text(state: GroundState) -> str:
-    """What a stop has done so far: which drones have latched it, in how many ms, and which have not; empty without."""
+    """The effect of a stop so far: which drones have latched it, in how many ms, and which have not; empty without."""
     if state.phase is not Phase.STOPPED:
         return ""
     done = [(drone.body, drone.stopped_ms) for drone in state.drones if drone.stopped_ms is not None]

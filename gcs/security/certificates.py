@@ -74,7 +74,7 @@ def common_name(certificate: bytes) -> str:
 
 
 def fault_of(authority: str, certificate: str, private: str, name: str) -> str:
-    """What keeps PEM texts from being the identity of that name; empty where nothing does."""
+    """Why PEM texts are not the identity of that name; empty where they are."""
     try:
         issuer, issued = (x509.load_pem_x509_certificate(text.encode()) for text in (authority, certificate))
         key = serialization.load_pem_private_key(private.encode(), None)

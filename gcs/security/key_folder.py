@@ -123,7 +123,7 @@ class KeyFolder:
         return token
 
     def files(self, identity: str, now: datetime) -> dict[str, str]:
-        """What another computer needs to be this identity: the texts of its files, by their names."""
+        """The files by which another computer is this identity: their texts, by their names."""
         name = self._name(identity)
         own = self.path / identity
         demand_private_tree(own)
@@ -146,7 +146,7 @@ class KeyFolder:
                 )  # fmt: skip
 
     def faults(self, now: datetime) -> Iterator[str]:
-        """What is wrong with the keys, a line each."""
+        """The faults of the keys, a line each."""
         try:
             demand_private_tree(self.path)
         except ConfigError as error:

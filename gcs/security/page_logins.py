@@ -26,7 +26,7 @@ _READ_NS = 500_000_000
 
 
 def token_hash(token: str) -> str:
-    """What is stored of a token. It is random, so that no slow hash is needed."""
+    """The stored hash of a token. It is random, so that no slow hash is needed."""
     return sha256(token.encode()).hexdigest()
 
 

@@ -28,7 +28,7 @@ _BEAT = Heartbeat(MavAutopilot.INVALID, MavType.GCS, 0, 0, MavState.ACTIVE)
 
 @dataclass(frozen=True, slots=True)
 class ProbeOutcome:
-    """What an autopilot did: whether anything came, which make, how often it answered.
+    """An autopilot's answers: whether anything came, which make, how many there were.
 
     signed_answers: to signed commands, signed themselves. unsigned_answers: to unsigned commands, of either kind.
     """
@@ -88,7 +88,7 @@ class SigningProbe:
 
     @property
     def outcome(self) -> ProbeOutcome:
-        """What is known so far."""
+        """The outcome so far."""
         return ProbeOutcome(self._received, self._autopilot, self._answers[True], self._answers[False])
 
     def _sealed(self, data: bytes, unix_us: int, *, signed: bool) -> bytes:

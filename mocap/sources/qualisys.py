@@ -64,7 +64,7 @@ class Stream:
 
 
 def text_of(packet: bytes) -> str:
-    """What a command, error or XML packet says."""
+    """The text of a command, error or XML packet."""
     return packet.rstrip(b"\0").decode("utf-8", "replace")
 
 

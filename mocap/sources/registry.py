@@ -35,7 +35,7 @@ class BusSource:
 
 
 def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[[Frame], None]) -> Source:
-    """What `[mocap] source` says; nothing is reached before it is run.
+    """The source that `[mocap] source` names; nothing is reached before it is run.
 
     deliver: of frames that are raw frames already, or a log's. Raises MocapFileError for a file that cannot be used,
     ValueError for `mavlink`, which no mocap process serves.

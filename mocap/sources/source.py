@@ -1,4 +1,4 @@
-"""What every camera system's client is, and where what it receives goes.
+"""The interface of every camera system's client, and where its frames go.
 
 A client speaks one protocol and computes the exposure time of each frame as well as that system reports it. Names,
 units and everything after them are the same for all, and are handled here.
@@ -70,7 +70,7 @@ class Feed:
         self._names = config.names
 
     def name(self, theirs: str) -> str:
-        """What the lab calls the body that the source calls `theirs`."""
+        """The lab's name of the body that the source calls `theirs`."""
         return self._names.get(theirs) or plain(theirs, LONGEST_NAME)
 
     def frame(self, seq: int, t_capture_ns: int, bodies: tuple[str, ...], pos_m: Float, q: Float, seen: Bool) -> None:

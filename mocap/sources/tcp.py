@@ -15,7 +15,7 @@ LARGEST_PACKET = 1 << 20
 
 
 class ProtocolError(ValueError):
-    """What came is not the protocol; the connection cannot be read on. Its text names message and field."""
+    """The bytes are not the protocol's; the connection cannot be read on. Its text names message and field."""
 
 
 class Session(Protocol):
@@ -25,7 +25,7 @@ class Session(Protocol):
         """Take the next bytes; what to answer. ProtocolError where they cannot be read."""
 
     def due(self, now_ns: int) -> bytes:
-        """What is to be sent as time passes (called every 0.1 s): keep-alives, requests again."""
+        """The bytes to send as time passes (called every 0.1 s): keep-alives, requests again."""
 
 
 class Protocols(Protocol):
@@ -128,7 +128,7 @@ class _Link(asyncio.Protocol):
         self._end(exc)
 
     def _do(self, step: Callable[..., bytes], *data: bytes) -> None:
-        """What a session raises ends its connection: of the protocol, or, a defect, of the whole client."""
+        """Do a step; what a session raises ends its connection: of the protocol, or, a defect, of the whole client."""
         if self.ended.done():
             return
         try:

@@ -41,7 +41,7 @@ Block = tuple[int, bytes]
 
 
 class Kind(IntEnum):
-    """What a block holds."""
+    """The content of a block."""
 
     STREAM_INFO = 1
     SUBJECT_INFO = 2

@@ -42,7 +42,7 @@ class Failure:
 
     @property
     def reason(self) -> str:
-        """What it violated first, in words."""
+        """The first violation, in words."""
         return f"{self.violation.kind}: {self.violation.text}"
 
     @property
@@ -62,7 +62,7 @@ class NearMiss:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a campaign found. simulated_s: seconds that were integrated, fewer than were flown where flights fork.
+    """The result of a campaign. simulated_s: seconds that were integrated, fewer than were flown where flights fork.
 
     nearest: the contained runs that came nearest to a limit, the nearest first.
     """

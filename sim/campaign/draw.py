@@ -1,4 +1,4 @@
-"""What a run of the campaign is: its flight and its one or two faults, drawn by the campaign's seed and its number.
+"""A run of the campaign: its flight and its one or two faults, drawn by the campaign's seed and its number.
 
 `GROUP` runs on end share one flight, so that it is flown once up to their onsets (sim.campaign.group).
 """
@@ -83,14 +83,14 @@ RANGES: Mapping[Family, Range] = MappingProxyType(
 ASKED = (Verb.ARM, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND, Verb.STOP, Verb.SHAPE, Verb.TAKE_CONTROL)
 SHAPES = ("line", "v", "circle", "configured")
 REQUESTED = (None, Verb.ARM, Verb.TAKE_CONTROL, Verb.LAND, Verb.STOP)
-"""What a restarted or second ground is asked for."""
+"""The requests to a restarted or second ground."""
 
 FAMILIES_DRAWN: tuple[Family, ...] = tuple(RANGES)
 
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """What a campaign is drawn by: its seed, the families of which every run's first fault is one, and the vehicle."""
+    """The draw of a campaign: its seed, the families of which every run's first fault is one, and the vehicle."""
 
     seed: int
     first_of: tuple[Family, ...] = FAMILIES_DRAWN

@@ -111,7 +111,7 @@ def _judged(flight: Flight, number: int, faults: tuple[Fault, ...]) -> Run:
 
 
 def _forked(work: Callable[[], Run]) -> Run | str:
-    """What `work` gives in a child of this process; where it raises, the traceback's last lines."""
+    """The result of `work` in a child of this process; where it raises, the traceback's last lines."""
     reads, writes = os.pipe()
     child = os.fork()
     if child == 0:

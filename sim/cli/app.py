@@ -33,7 +33,7 @@ Protocol = Literal["vrpn", "chingmu", "natnet", "qtm", "vicon"]
 
 
 def _scenarios(incomplete: str) -> list[str]:
-    """What the Tab key offers: shipped scenarios, and files here."""
+    """Names for the Tab key: shipped scenarios, and files here."""
     from sim.shipped import shipped
 
     return starting((*shipped(), *(str(path) for path in Path().glob("*.toml"))), incomplete)
@@ -62,7 +62,7 @@ Out = Annotated[Path | None, typer.Option(help="The run's directory; without it 
 
 @dataclass(frozen=True, slots=True)
 class FlyOptions:
-    """What is flown in real time, and how."""
+    """The options of a flight in real time."""
 
     name: Name = "triangle_line"
     link: Annotated[Literal["zenoh", "udp"], typer.Option(help="How MAVLink reaches the drones.")] = "zenoh"
@@ -208,7 +208,7 @@ def campaign(
 
 @dataclass(frozen=True, slots=True)
 class BoxOptions:
-    """What is served, and how."""
+    """The options of an emulated camera system."""
 
     protocol: Annotated[Protocol | None, typer.Option(help="The vendor's protocol; of --lab if not given.")] = None
     lab: Annotated[Path | None, typer.Option(help="A lab file: its bodies, names, axes, unit and ports.")] = None

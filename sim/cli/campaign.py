@@ -1,4 +1,4 @@
-"""What `gcs-sim campaign` does: flights with faults on every core, verdicts, a table."""
+"""The work of `gcs-sim campaign`: flights with faults on every core, verdicts, a table."""
 
 import json
 from collections.abc import Callable
@@ -133,7 +133,7 @@ def _workers(workers: int | None, scheduler: str | None, console: Console) -> Wo
 
 
 def _show(failure: Failure, console: Console) -> None:
-    """What went wrong, the least that does it, and how to see it."""
+    """Print a failure, the least faults that cause it, and how to see it."""
     console.print(f"{failure.again}    {failure.reason}", style="red", highlight=False, soft_wrap=True)
     for fault in failure.faults:
         console.print(f"    {fault.text()}", highlight=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""What `gcs-sim fly`, `run`, `mocap`, `check` and `compile` do: a scenario becomes a flight, its log a page."""
+"""The work of `gcs-sim fly`, `run`, `mocap`, `check` and `compile`: a scenario becomes a flight, its log a page."""
 
 import asyncio
 import os
@@ -65,7 +65,7 @@ UNIT_WITHIN = 0.01
 
 @dataclass(frozen=True, slots=True)
 class RunOutput:
-    """What becomes of a run: how its numbers are printed, its folder if given, what it has to reach."""
+    """The output of a run: how its numbers are printed, its folder if given, the requirements on them."""
 
     as_json: bool
     out: Path | None
@@ -244,7 +244,7 @@ def compile_for(scenario: Scenario) -> None:
 
 
 def compile_everything() -> None:
-    """What any flight runs."""
+    """Compile what any flight runs."""
     compile_for(load(lockstep.ANY_SCENARIO))
 
 
@@ -293,7 +293,7 @@ def _end(summary: Summary, ending: RunOutput, aborted_code: int = ABORTED) -> No
 
 
 def required(texts: Sequence[str] | None) -> tuple[Requirement, ...]:
-    """What `--require` says; ends the process where it is not understood."""
+    """The requirements of `--require`; ends the process where it is not understood."""
     try:
         return tuple(parse_requirement(text) for text in texts or ())
     except ValueError as error:
@@ -357,7 +357,7 @@ def _lab(opened: ScenarioFile) -> LabConfig:
 
 
 def _findings(scenario: Scenario) -> Iterator[Finding]:
-    """What the scenario itself asks for that its lab does not have."""
+    """Findings where the scenario itself asks for what its lab does not have."""
     for k, step in enumerate(scenario.script):
         try:
             if step.verb is Verb.TRAJECTORY:

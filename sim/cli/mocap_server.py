@@ -1,4 +1,4 @@
-"""What `gcs-sim mocap-server` serves: the lab or the bodies that were asked for, and the vendor's server."""
+"""The work of `gcs-sim mocap-server`: the lab or the bodies that were asked for, and the vendor's server."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

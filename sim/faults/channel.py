@@ -17,7 +17,7 @@ from wire.transport.memory_bus import NOTHING_DUE_NS, DelayModel
 
 OVERTAKEN_NS = 30_000_000
 AGAIN_NS = 5_000_000
-"""What is said again comes so much after what is new: it would else be made good at once."""
+"""A repeated packet comes so much after a new one: it would else be made good at once."""
 REMEMBERED_NS = 3_000_000_000
 """So long ago lies what can be said again."""
 
@@ -90,7 +90,7 @@ class Channel:
             self._queue.push(now_ns + delay_ns + OVERTAKEN_NS, sent)
 
     def pop_due(self, now_ns: int) -> list[Sent]:
-        """What has arrived by now."""
+        """The packets that have arrived by now."""
         if now_ns < self.next_due_ns:
             return []
         due = self._queue.pop_due(now_ns)

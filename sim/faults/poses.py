@@ -1,4 +1,4 @@
-"""What faults make of the cameras' frames, and of frames on the bus: altered, late, or not there at all."""
+"""Faults of the cameras' frames, and of frames on the bus: altered, late, or not there at all."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What is on its way: items come out when they are due, and may overtake each other; and who is due when."""
+"""A queue of items on their way: they come out when they are due, and may overtake each other; and who is due when."""
 
 import heapq
 from typing import Generic, TypeVar
@@ -24,7 +24,7 @@ class DueQueue(Generic[T]):
         self.next_due_ns = self._heap[0][0]
 
     def pop_due(self, now_ns: int) -> list[T]:
-        """What is due by now, in order."""
+        """The items due by now, in order."""
         due: list[T] = []
         if now_ns < self.next_due_ns:
             return due

@@ -1,1 +1,1 @@
-"""What is known of each autopilot, one table a file, for the ground and for the simulated drone alike."""
+"""The properties of each autopilot, one table a file, for the ground and for the simulated drone alike."""

@@ -34,7 +34,7 @@ class FrameBatch:
         self._dtype = np.dtype([*head, ("number", "u1", 3), *fields, ("checksum", "u1", _CHECKSUM)])
         self._crc_extra, self._count = layout.crc_extra, count
         self.blank: Frames = np.zeros(count, self._dtype)
-        """What every batch begins with."""
+        """The beginning of every batch."""
         self.blank["magic"] = 0xFD
         self.blank["source"], self.blank["number"] = source, tuple(layout.id.to_bytes(3, "little"))
 

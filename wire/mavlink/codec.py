@@ -39,7 +39,7 @@ _BYTEWISE = {
 
 
 def read_frame(frame: Frame) -> Packet:
-    """What a frame says; a chunk of a long text reads as a text of its own. Raises MavlinkError.
+    """The message in a frame; a chunk of a long text reads as a text of its own. Raises MavlinkError.
 
     A packet of an id that nothing here reads is Unknown.
     """

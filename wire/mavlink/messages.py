@@ -55,7 +55,7 @@ Write = Callable[[Any], Written]
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What `width` of MAVLink's fields are in a message of ours.
+    """A field of a message of ours, of `width` of MAVLink's fields.
 
     read: our value, of so many arguments; None: the field, or a tuple of several. write: the other way round, one field
     or a tuple of several; None: they are our value. bits: of ours that are sent. sent: fields that are sent as these,
@@ -240,7 +240,7 @@ def _read_attitude_target(f: Fields) -> m.AttitudeTargetReport:
 
 
 def _demand(mask: int, q: Quadruple, rate: Triple, thrust: float) -> tuple[Quat, Triple, float]:
-    """What a setpoint asks for: an ignored part reads as identity or zero, one that counts must be finite."""
+    """The demand of a setpoint: an ignored part reads as identity or zero, one that counts must be finite."""
     attitude = IDENTITY.copy() if mask & _NO_ATTITUDE else q_lab_from_flu(*q)
     p, q_, r = rate
     rate = (0.0 if mask & 1 else p, 0.0 if mask & 2 else q_, 0.0 if mask & 4 else r)

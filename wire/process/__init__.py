@@ -1,1 +1,1 @@
-"""What the programs of this project have in common."""
+"""Code that the programs of this project have in common."""

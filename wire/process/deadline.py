@@ -32,7 +32,7 @@ class Deadline:
         self._active = False
 
     def __call__(self, _now_ns: int, call: Callable[[], Answer]) -> Answer:
-        """What `call` returns, if it does in time."""
+        """The result of `call`, if it comes in time."""
         if threading.current_thread() is not threading.main_thread():
             return call()
         signal.signal(signal.SIGALRM, self._expire)

@@ -1,4 +1,4 @@
-"""What a daemon prints: what its terminal, pipe or disk does not take is dropped and counted. It stops no flight."""
+"""A daemon's output: what its terminal, pipe or disk does not take is dropped and counted. It stops no flight."""
 
 import io
 import os

@@ -1,4 +1,4 @@
-"""What all command lines share: how they are made, options, exit codes, reading the lab file, errors, completion."""
+"""Code that all command lines share: how they are made, options, exit codes, the lab file, errors, completion."""
 
 import inspect
 import json
@@ -165,7 +165,7 @@ LAB = Path("lab.toml")
 
 
 def starting(names: Iterable[str], incomplete: str) -> list[str]:
-    """What the Tab key offers of these names: those that begin with what is there already."""
+    """Those of the names that begin with what was typed, for the Tab key."""
     return [name for name in names if name.startswith(incomplete)]
 
 

@@ -1,4 +1,4 @@
-"""What a person sees while a program does what takes a while: one line on standard error, alive on a terminal."""
+"""The progress of a task that takes a while: one line on standard error, alive on a terminal."""
 
 import signal
 from collections.abc import Callable, Iterator

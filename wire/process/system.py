@@ -26,7 +26,7 @@ def own_name() -> str:
 
 
 def machine() -> str:
-    """What a program runs on, for logs: host name, system, processors, Python and numpy."""
+    """The machine that a program runs on, for logs: host name, system, processors, Python and numpy."""
     import numpy as np
 
     return (
@@ -92,7 +92,7 @@ def lower_priority() -> None:
 
 
 def _first_allowed(*requests: Callable[[], str]) -> str:
-    """What the first request that is allowed returns; the empty text where none is."""
+    """The result of the first request that is allowed; the empty text where none is."""
     for request in requests:
         with suppress(OSError):
             return request()

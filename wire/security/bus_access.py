@@ -85,7 +85,7 @@ class BusAccess:
             raise exposed
 
     def exposed(self, endpoints: Sequence[str]) -> ExposedError | None:
-        """What is wrong with the first endpoint that is not this machine's, without keys; None where all is well."""
+        """The fault of the first endpoint that is not this machine's, without keys; None where there is none."""
         if self.identity is not None or self.insecure:
             return None
         far = [endpoint for endpoint in endpoints if not is_local_endpoint(endpoint)]

@@ -1,4 +1,4 @@
-"""What protects the links of one process: nothing, its keys, or the operator's word that nothing has to.
+"""The protection of one process's links: nothing, its keys, or the operator's word that nothing has to.
 
 A link that another machine reaches opens only with keys: it is asked here wherever a socket is bound or connected.
 """
@@ -136,7 +136,7 @@ class Protection:
             raise ExposedError(what, host)
 
     def towards_autopilot(self, link: str) -> "Protection":
-        """What protects a bridge's link to its autopilot: a key where it has one, and always over a network."""
+        """The protection of a bridge's link to its autopilot: a key where it has one, and always over a network."""
         signed = self.autopilot_has_key or not is_local_link(link)
         return replace(self, signing=self.autopilot if signed else None)
 
@@ -149,7 +149,7 @@ LOOPBACK_ONLY = Protection()
 
 
 def protection_of(keys: Path, identity: str) -> Protection:
-    """What the keys of an identity in a folder protect. ConfigError for keys that are missing or open to others."""
+    """The protection by an identity's keys in a folder. ConfigError for keys that are missing or open to others."""
     access, own = access_with(keys, identity), keys / identity
     mavlink_keys = read_mavlink_keys(own)
     if not mavlink_keys:
@@ -168,7 +168,7 @@ def protection_of(keys: Path, identity: str) -> Protection:
 def lab_protection(
     security: SecurityConfig | None, lab_file: Path, identity: str, *, insecure: bool = False
 ) -> Protection:
-    """What protects a program of the lab in `lab_file`, as which it is `identity`. ConfigError."""
+    """The protection of a program of the lab in `lab_file`, which is `identity`. ConfigError."""
     if security is not None:
         return protection_of(keys_folder(security.keys, lab_file), identity)
     return Protection(BusAccess(insecure=insecure)) if insecure else LOOPBACK_ONLY

@@ -1,4 +1,4 @@
-"""What a frame from outside must be before anything reads its arrays: one check for both kinds. Pure, linear."""
+"""The check of a frame from outside before anything reads its arrays, one for both kinds. Pure, linear."""
 
 import numpy as np
 

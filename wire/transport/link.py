@@ -1,4 +1,4 @@
-"""What every link to drones offers, whatever carries it, and one drone's intake: read to the newest, within a bound.
+"""The interface of every link to drones, and one drone's intake: read to the newest, within a bound.
 
 Telemetry that a newer message of the same stream replaces is dropped undelivered, so that a process which gets its
 turn late goes on with what is new. Commands, acknowledgements, parameters, texts, inertial samples and everything

@@ -57,7 +57,7 @@ class MemoryLink(Generic[T]):
         self._queue.append((due_ns, item))
 
     def pop_due(self, now_ns: int) -> list[tuple[int, T]]:
-        """What has arrived by `now_ns`, each with its time of arrival, in order."""
+        """The items that have arrived by `now_ns`, each with its time of arrival, in order."""
         due: list[tuple[int, T]] = []
         if now_ns < self.next_due_ns:
             return due

@@ -197,7 +197,7 @@ class _Port:
                 self._read(source, OTHERS_A_TURN if source is self._sockets.others else READS_A_TURN)
 
     def _read(self, source: socket.socket, reads_most: int) -> None:
-        """What has arrived at one socket, so much of it; a flood waits while others have their turn."""
+        """Read what has arrived at one socket, so much of it; a flood waits while others have their turn."""
         for _ in range(reads_most):
             try:
                 data, sender = source.recvfrom(LARGEST_DATAGRAM + 1)

@@ -216,7 +216,7 @@ class ZenohBus:
     ) -> None:
         self.lab = lab
         self.protection = protection
-        """What protects the bus, and the drones' links that this process opens beside it."""
+        """The protection of the bus, and of the drones' links that this process opens beside it."""
         self._certificate_name = protection.bus.name
         self.listens = listens
         """Whether it listens where others look for the bus."""
@@ -501,7 +501,7 @@ class ZenohBus:
 
 
 def _request(query: zenoh.Query) -> OperatorRequest | None:
-    """What a query asks for; None where that is no request, or too long."""
+    """The request in a query; None where it is none, or too long."""
     payload = b"" if query.payload is None or len(query.payload) > LARGEST_REQUEST else query.payload.to_bytes()
     try:
         return _REQUEST.decode(payload) if payload else None

@@ -17,7 +17,7 @@ LONGEST_TEXT = 256
 
 
 class PacketError(ValueError):
-    """What came is not NatNet of the version agreed upon. Its text names message and field, and is one of few."""
+    """The packet is no NatNet of the version agreed upon. Its text names message and field, and is one of few."""
 
 
 class Reader:
@@ -97,7 +97,7 @@ class Reader:
 
 Version = tuple[int, int]
 OLDEST, NEWEST = (3, 0), (4, 2)
-"""What is read. 4.0 put markers' names into descriptions; 4.1 byte counts, assets, precision time; 4.2 a rotation."""
+"""Versions that are read. 4.0 put markers' names into descriptions; 4.1 byte counts, assets, precision time; 4.2 rotation."""
 BYTE_COUNTS = (4, 1)
 
 _HEADER = Struct("<HH")
@@ -112,7 +112,7 @@ WHICH_VERSION = b"Bitstream\0"
 
 
 class MessageId(IntEnum):
-    """What a packet is."""
+    """The kind of a packet."""
 
     CONNECT = 0
     SERVER_INFO = 1
@@ -175,7 +175,7 @@ def echo_request(sent_ns: int) -> bytes:
 
 
 def echo_response(payload: bytes) -> tuple[int, int]:
-    """What was sent, and the server's clock when it came there, ticks."""
+    """The time that was sent, and the server's clock when it came there, ticks."""
     if len(payload) != _ECHOED.size:
         raise PacketError("echo response: length: not 16 bytes")
     sent_ns, ticks = _ECHOED.unpack(payload)

@@ -133,7 +133,7 @@ class NatNetSession:
         )
 
     def due(self, now_ns: int) -> list[bytes]:
-        """What is to be sent to the server's command port now; to be asked every 25 ms or so."""
+        """The packets to send to the server's command port now; to be asked every 25 ms or so."""
         self._watch(now_ns)
         out = []
         if self._is_unsure(now_ns) and self._is_due(MessageId.CONNECT, CONNECT_NS, now_ns):
@@ -325,7 +325,7 @@ class NatNetSession:
             self._report("server", Severity.INFO, f"connected to {self._info.text} at {self._peer}")
 
     def _hint(self, now_ns: int) -> str:
-        """What is most likely wrong where a server answers and no frame comes."""
+        """The most likely cause where a server answers and no frame comes."""
         if self._unread_ns is not None and now_ns - self._unread_ns < SILENT_NS:
             return f"what comes cannot be read as NatNet {self._version[0]}.{self._version[1]}"
         ours, theirs = self._config.multicast or None, self._info.multicast if self._info else None
@@ -360,7 +360,7 @@ def _transmission(group: str | None) -> str:
 TURN_NS = 25_000_000
 LARGEST_PACKET = 65_536
 BUFFER_BYTES = 4 * 1024 * 1024
-"""What the kernel may keep while we are busy, as far as the system allows."""
+"""The kernel's buffer while we are busy, as far as the system allows."""
 AGAIN_NS = 500_000_000
 RESOLVE_S = 2.0
 ANY = "0.0.0.0"

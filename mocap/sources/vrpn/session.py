@@ -102,7 +102,7 @@ NAMED_NS = 1_000_000_000
 
 @dataclass(slots=True)
 class SourceState:
-    """What outlives a connection: how frames are numbered and counted, and what was reported to the operator."""
+    """State that outlives a connection: how frames are numbered and counted, and what was reported to the operator."""
 
     feed: Feed
     naming: Naming
@@ -261,7 +261,7 @@ class VrpnSession:
         self._stamps = Stamps()
 
     def _deliver(self, now_ns: int) -> None:
-        """What is whole, or has waited long enough."""
+        """Deliver what is whole, or has waited long enough."""
         late = self._assembly.late
         for exposure in self._assembly.pop_ready(now_ns):
             self._deliver_one(exposure)

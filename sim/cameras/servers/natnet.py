@@ -152,7 +152,7 @@ READOUT_NS = 2_000_000
 
 @dataclass(frozen=True, slots=True)
 class NatNetSettings:
-    """What differs between one Motive and another.
+    """Settings that differ between one Motive and another.
 
     clock_hz, clock_s: the high-resolution clock's ticks a second, and what it shows more than ours. stamps: whether
     the cameras report the exposure time (Ethernet cameras do, USB cameras do not).
@@ -326,7 +326,7 @@ class NatNetServer:
 def natnet_server(
     config: MocapConfig, bodies: tuple[str, ...], clock: Clock, settings: NatNetSettings | None = None
 ) -> NatNetServer:
-    """What a lab file's [mocap.natnet] would be served by; bodies by Motive's names."""
+    """The server for a lab file's [mocap.natnet]; bodies by Motive's names."""
     table = config.natnet or NatNetConfig()
     settings = settings or NatNetSettings(rate_hz=config.rate_hz)
     responder = Responder(settings, table.data_port, table.multicast or None, config.unit_m)

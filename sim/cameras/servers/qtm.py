@@ -122,7 +122,7 @@ class ServerState(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Subscription:
-    """What a client has streamed to it: components, every how manieth frame, over UDP to where."""
+    """The stream that a client has asked for: components, every how manieth frame, over UDP to where."""
 
     components: tuple[int, ...]
     divisor: int = 1

@@ -1,4 +1,4 @@
-"""What every emulated camera system is: frames in, the vendor's protocol out, to any client."""
+"""The interface of every emulated camera system: frames in, the vendor's protocol out, to any client."""
 
 import asyncio
 from collections.abc import Callable
@@ -38,7 +38,7 @@ class ServerClock:
     started_ns: int | None = None
 
     def at_ns(self, ours_ns: int) -> int:
-        """What it shows at a time of ours; 1 s when it is asked first, so that nothing lies before its start."""
+        """Its time at a time of ours; 1 s when it is asked first, so that nothing lies before its start."""
         if self.started_ns is None:
             self.started_ns = ours_ns
         return 1_000_000_000 + round((ours_ns - self.started_ns) * self.rate)

@@ -20,7 +20,7 @@ OFFERED = (
     CONTENTS,
 )  # fmt: skip
 STATIC = (STREAM_INFO, SUBJECT_INFO, APPLICATION_INFO)
-"""What is sent only when it has changed."""
+"""Blocks that are sent only when they have changed."""
 TICKS_HZ = 135_000_000
 Z_UP = b"\0"
 _SEGMENT = np.dtype([("identifier", "<u4"), ("pos_mm", "<f8", 3), ("rotation", "<f8", (3, 3))])

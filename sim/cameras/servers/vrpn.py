@@ -103,7 +103,7 @@ SEND_BUFFER_MAX_BYTES = 1_000_000
 """The server drops a client with more unsent bytes than that."""
 DATAGRAM_BYTES = 1400
 TYPES = (messages.POSE_TYPE, messages.PING_TYPE, messages.PONG_TYPE)
-"""What the server's types are, by number."""
+"""The server's types, by number."""
 
 
 class Names:
@@ -212,7 +212,7 @@ class Connection(asyncio.Protocol):
 
 CHINGMU_COOKIE = messages.COOKIE.replace(b"07.35", b"07.30")
 CLOCK_NS = 1_790_000_000_000_000_000
-"""What the server's clock counts from our clock's zero: some time in 2026, on a computer in no zone of ours."""
+"""Start of the server's clock against our clock's zero: some time in 2026, on a computer in no zone of ours."""
 LOWEST_PORT = 1024
 MOST_CALLS = 8
 """Clients that are being called back, at a time."""

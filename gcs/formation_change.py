@@ -127,7 +127,7 @@ def _set_out(shape: Shape, flight: Flight, stages: Stages, config: LabConfig) ->
 
 
 def foreseen(shape: Shape, pose: Float, path: Trajectory | None, path_s: float, config: LabConfig) -> Preview:
-    """Where the shape is led, taken up with the leader at `place` (4), on what is left of its path path_s along it.
+    """Where the shape is led, taken up with the leader at `pose` (4), on what is left of its path path_s along it.
 
     path: None, if it has not begun; it then begins here.
     """

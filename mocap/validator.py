@@ -67,7 +67,7 @@ class Memory:
     whether the body can have come to where that began. code: why it is rejected now.
     shown_*, same: the pose last shown, and how many times in a row it was the same to the last bit. still_m, varied,
     noisy: whether a standing body's pose varies, as that of every real camera does.
-    slow_vel: the velocity some time ago; upset: frames whose attitude is inconsistent with the acceleration.
+    slow_vel_lab_m_s: the velocity some time ago; upset: frames whose attitude is inconsistent with the acceleration.
     floor_m: height at which it last stood with its motors off, 0 until that is known.
     """
 

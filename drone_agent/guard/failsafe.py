@@ -188,7 +188,7 @@ _FLOWN = (Stage.HOLD, Stage.LAND, Stage.DESCEND)
 
 
 class Turn(NamedTuple):
-    """The actions now: stages that begin, the one whose attitude target is flown, whether to command a landing, a stop."""
+    """The actions now: stages that begin, the one whose target is flown, whether to command a landing, a stop."""
 
     begun: tuple[Stage, ...] = ()
     flown: Stage | None = None

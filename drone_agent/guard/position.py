@@ -149,8 +149,8 @@ _OPEN_LOOP_THRUST, _OPEN_LOOP_S, _OPEN_LOOP_FADE_1_S = 0.95, 3.0, 0.3  # 1.5 m i
 _STILL_M = 0.05
 """A body at rest keeps within: by its place, since without an IMU the estimated velocity of a body at rest is noise."""
 _STANDS_M, _STANDS_NS = 0.01, 500_000_000
-"""A body that is let down and moves less in that time stands. In the air the least thrust lets it sink 0.18 m; thrown up,
-it is within 1 cm of its highest for 0.3 s.
+"""A body that is let down and moves less in that time stands. In the air the least thrust lets it sink 0.18 m;
+thrown up, it is within 1 cm of its highest for 0.3 s.
 """
 
 

@@ -29,8 +29,8 @@ DRAG_LEAST_M_S2 = 0.005
 class Peak:
     """The most that one vehicle is led through on the leader's trajectory.
 
-    drag_m_s2: deceleration by the drag of its profile; lateral, thrust: what its thrust then has to give over its mass,
-    sideways and in all.
+    drag_m_s2: deceleration by the drag of its profile; lateral_m_s2, thrust_m_s2: what its thrust then has to give
+    over its mass, sideways and in all.
     """
 
     body: str

@@ -94,7 +94,7 @@ _NAME_AT = 18
 def newest(backlog: Sequence[tuple[bytes, int]]) -> list[tuple[bytes, int]]:
     """The datagrams to deliver, in order, each with how many packets before it were superseded and dropped.
 
-    waiting: the same of all that has arrived. A datagram is dropped where each of its packets belongs to a stream of
+    backlog: the same of all that has arrived. A datagram is dropped where each of its packets belongs to a stream of
     SUPERSEDED of which a later one has a packet.
     """
     later: set[_Stream] = set()

@@ -97,7 +97,7 @@ class Reader:
 
 Version = tuple[int, int]
 OLDEST, NEWEST = (3, 0), (4, 2)
-"""Versions that are read. 4.0 put markers' names into descriptions; 4.1 byte counts, assets, precision time; 4.2 rotation."""
+"""Versions that are read. 4.0 put marker names into descriptions; 4.1 byte counts, assets, time; 4.2 rotation."""
 BYTE_COUNTS = (4, 1)
 
 _HEADER = Struct("<HH")

@@ -20,7 +20,7 @@ class Server(Protocol):
     def publish(self, frame: RawFrame) -> None:
         """Send one exposure, metres, to whoever is connected. Its bodies may change from frame to frame.
 
-        t_capture_ns: the exposure on our monotonic clock; the server's own clock is that one, moved.
+        Its t_capture_ns is the exposure on our monotonic clock; the server's own clock is that one, moved.
         """
 
     async def close(self) -> None:
@@ -70,7 +70,7 @@ C = TypeVar("C", bound=Conversation)
 
 
 class TcpPort(Generic[C]):
-    """A listening port. open: makes a client's conversation of its address, and what is said to it first."""
+    """A listening port. open_: makes a client's conversation of its address, and what is said to it first."""
 
     def __init__(self, host: str, port: int, open_: Callable[[str], tuple[C, bytes]]) -> None:
         self._host, self._port = host, port

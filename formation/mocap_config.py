@@ -29,7 +29,7 @@ UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 CAMERA_SYSTEMS = ("vrpn", "chingmu", "natnet", "qualisys", "vicon")
 MILLIMETRES = ("chingmu", "qualisys", "vicon")
 """What these send, whatever else is set."""
-IN_METRES = ("zenoh", "mcap", "mavlink")
+IN_METRES = ("zenoh", "mavlink")
 """What is defined in metres, by messages of ours or of MAVLink."""
 _POINTING = {
     "forward": (1, 0, 0),
@@ -126,12 +126,10 @@ class MocapConfig(Model):
     names: the lab's body for what the source calls it (Chingmu: the sensor's number), where the two differ.
     """
 
-    source: Literal[
-        "zenoh", "csv", "mcap", "mavlink", "vrpn", "chingmu", "natnet", "qualisys", "vicon"
-    ] = "zenoh"  # fmt: skip
+    source: Literal["zenoh", "csv", "mavlink", "vrpn", "chingmu", "natnet", "qualisys", "vicon"] = "zenoh"
     """Protocol by which poses arrive."""
     file: str | None = None
-    """Recording that the sources `csv` and `mcap` play."""
+    """Recording that the source `csv` plays."""
     rate_hz: Positive = 100.0
     """Frames a second."""
     delay_s: Seconds = 0.008
@@ -181,7 +179,7 @@ class MocapConfig(Model):
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
-        if self.source in ("csv", "mcap") and not self.file:
+        if self.source == "csv" and not self.file:
             raise WrongKeyError("file", f'is missing: source "{self.source}" needs `file`, the recording to play')
         if self.unit not in (None, "m") and self.source in IN_METRES:
             raise WrongKeyError("unit", f'source "{self.source}" is in metres', self.unit)

@@ -17,7 +17,7 @@ from mocap.retiming import LONGEST_GAP, Retiming
 from mocap.sources import poses
 from mocap.validator import PoseValidator
 from wire.rejections import RejectionLog
-from wire.transport.frame_check import OLDEST_NS, lab_fault, raw_fault
+from wire.transport.frame_check import OLDEST_NS, raw_fault
 
 MOST_UNKNOWN = 16
 """How many bodies that are none of the lab's are remembered, to name them."""
@@ -56,12 +56,32 @@ class MocapCore:
         """How many of the last frames' numbers went back: those of two publishers take turns."""
         self._is_interleaved = False
 
-    def receive(self, frame: RawFrame | LabFrame, now_ns: int) -> LabFrame | None:
-        """The frame for the bus, or None for a rejected frame. A rejected pose makes its body unseen.
-
-        A LabFrame comes from a flight's log, where it was recorded aligned and judged.
-        """
-        return self._again(frame, now_ns) if isinstance(frame, LabFrame) else self._align(frame, now_ns)
+    def receive(self, raw: RawFrame, now_ns: int) -> LabFrame | None:
+        """The frame for the bus, or None for a rejected frame. A rejected pose makes its body unseen."""
+        is_stamped = raw.t_capture_ns != 0
+        if self._is_rejected(raw_fault(raw, now_ns, OLDEST_NS), now_ns):
+            return None
+        self._note_names(raw.bodies)
+        self._note_turn(raw)
+        stamp_ns = raw.t_capture_ns if is_stamped else now_ns - self._delay_ns
+        t_capture_ns = self._retiming.capture_ns(raw.seq, stamp_ns, is_stamped)
+        frame = self._alignment.align(raw, raw.seq, t_capture_ns, now_ns)
+        is_known = is_stamped or self._retiming.scatter_ns is not None
+        stamp_rejected = is_known and self._validator.rejects_stamp(t_capture_ns, now_ns)
+        fault = None if stamp_rejected else self._order_fault(t_capture_ns)
+        if fault is not None and self._is_interleaved:  # which was said
+            self.reject_log.count += 1
+            return None
+        if self._is_rejected(fault, now_ns):
+            return None
+        self._note_no_poses(frame, now_ns)
+        if stamp_rejected:
+            frame = self._validator.without_poses(frame, (self._newest_ns or 0) + 1, now_ns)
+        else:
+            frame = self._validator.judge(frame, now_ns)
+        self._newest_ns = min(frame.t_capture_ns, now_ns)  # the cameras' clock may be ahead of ours
+        self.frames += 1
+        return replace(frame, seq=self._number(raw.seq), t_capture_ns=self._newest_ns)
 
     def note_motors(self, on: Mapping[str, bool]) -> None:
         """Which drones have their motors on, by body, whenever the ground says so of some."""
@@ -90,46 +110,10 @@ class MocapCore:
         text = f"stamps are arrival times: frames are re-timed, with a scatter of {1e3 * scatter_s:.2f} ms"
         return (Event(Severity.WARNING, SOURCE, text),)
 
-    def _align(self, raw: RawFrame, now_ns: int) -> LabFrame | None:
-        is_stamped = raw.t_capture_ns != 0
-        if self._is_rejected(raw_fault(raw, now_ns, OLDEST_NS), now_ns):
-            return None
-        self._note_names(raw.bodies)
-        self._note_turn(raw)
-        stamp_ns = raw.t_capture_ns if is_stamped else now_ns - self._delay_ns
-        t_capture_ns = self._retiming.capture_ns(raw.seq, stamp_ns, is_stamped)
-        frame = self._alignment.align(raw, raw.seq, t_capture_ns, now_ns)
-        is_known = is_stamped or self._retiming.scatter_ns is not None
-        stamp_rejected = is_known and self._validator.rejects_stamp(t_capture_ns, now_ns)
-        fault = None if stamp_rejected else self._order_fault(t_capture_ns)
-        if fault is not None and self._is_interleaved:  # which was said
-            self.reject_log.count += 1
-            return None
-        if self._is_rejected(fault, now_ns):
-            return None
-        self._note_no_poses(frame, now_ns)
-        if stamp_rejected:
-            frame = self._validator.without_poses(frame, (self._newest_ns or 0) + 1, now_ns)
-        else:
-            frame = self._validator.judge(frame, now_ns)
-        self._newest_ns = min(frame.t_capture_ns, now_ns)  # the cameras' clock may be ahead of ours
-        self.frames += 1
-        return replace(frame, seq=self._number(raw.seq), t_capture_ns=self._newest_ns)
-
     def _note_no_poses(self, frame: LabFrame, now_ns: int) -> None:
         for body, code in zip(frame.bodies, frame.rejected.tolist(), strict=True):
             if code:
                 self.reject_log.note(SOURCE, f"{body}: {Rejection(code).text}", now_ns)
-
-    def _again(self, frame: LabFrame, now_ns: int) -> LabFrame | None:
-        fault = lab_fault(frame, now_ns) or self._order_fault(frame.t_capture_ns)
-        if fault is None and frame.bodies != self._alignment.bodies:
-            fault = "of other bodies than the lab's"
-        if self._is_rejected(fault, now_ns):
-            return None
-        self._newest_ns = frame.t_capture_ns
-        self.frames += 1
-        return replace(frame, seq=self._number(frame.seq), t_receive_ns=now_ns)
 
     def _is_rejected(self, fault: str | None, now_ns: int) -> bool:
         if fault is not None:

@@ -9,9 +9,8 @@ import json
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
-from pathlib import Path
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,30 +20,25 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from formation import topics
 from formation.config import LabConfig
-from formation.messages import Event, Severity
+from formation.messages import Event, RawFrame, Severity
 from formation.requests import GCS_NAME
-from formation.topics import Topic
 from mocap import figures
 from mocap.core import SOURCE, MocapCore, warm_up
 from mocap.figures import FrameWindow
 from mocap.service import ServiceError, configuration_name
 from mocap.sources import source
 from mocap.sources.csv_file import MocapFileError
-from mocap.sources.recordings import Frame
 from mocap.sources.registry import open_source
 from mocap.sources.source import Feed, SourceStatus
-from wire import version
 from wire.clock import Clock
 from wire.ground_state import decode
-from wire.logs.mcap_write import LogWriter
 from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, bus_at, report_missing
 from wire.process.output import dropping_output
 from wire.process.program import COLOURS, fail, print_event, print_event_json
 from wire.process.progress import compile_all
 from wire.process.service_manager import READY, Watchdog, notify
-from wire.process.system import NOT_RIGHT, REJECTED, machine, prefer_process
+from wire.process.system import NOT_RIGHT, REJECTED, prefer_process
 from wire.rejections import RejectionLog
 from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
@@ -88,11 +82,10 @@ OTHERS_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """The process's outputs beside the bus: its events, its state once a second, its records."""
+    """The process's outputs beside the bus: its events, and its state once a second."""
 
     event: EventSink
     state: Callable[[dict[str, Any]], None] = lambda _: None
-    record: Callable[[Topic, object, int], None] = lambda _topic, _message, _t_ns: None
 
 
 class Mocap:
@@ -114,7 +107,7 @@ class Mocap:
         feed = Feed(config.mocap, self.receive_frame, self.report, reject_log, clock)
         self.source = open_source(config, bus, feed, self.receive_frame)
 
-    def receive_frame(self, frame: Frame) -> None:
+    def receive_frame(self, frame: RawFrame) -> None:
         """Receive a frame and publish it at once."""
         now_ns = self._clock.monotonic_ns()
         aligned = self._core.receive(frame, now_ns)
@@ -122,7 +115,6 @@ class Mocap:
             self._bus.publish_frame(aligned)
             self._inside_s.append((self._clock.monotonic_ns() - now_ns) * 1e-9)
             self._window.add(aligned)
-            self._outputs.record(topics.MOCAP, aligned, now_ns)
 
     @property
     def has_frame(self) -> bool:
@@ -160,7 +152,6 @@ class Mocap:
     def report(self, event: Event) -> None:
         """Report an event here, and on the bus, where the ground records it."""
         self._outputs.event(event)
-        self._outputs.record(topics.EVENT, event, self._clock.monotonic_ns())
         self._bus.publish_event(event)
 
     def state(self, now_ns: int) -> dict[str, Any]:
@@ -332,7 +323,6 @@ def _figures(body: dict[str, Any]) -> tuple[str, ...]:
 def serve(
     config: LabConfig,
     linger_s: float | None,
-    record: Path | None,
     as_json: bool,
     clock: Clock,
     ground: str,
@@ -346,7 +336,7 @@ def serve(
         fail('source "mavlink" has no cameras: the ground hears the poses from the drones themselves', NOT_RIGHT)
     compile_all("gcs", lambda: warm_up(config), sys.stderr)
     try:
-        with _outputs(config, record, as_json, clock) as outputs:
+        with _outputs(as_json) as outputs:
             outputs.event(Event(Severity.INFO, SOURCE, f"priority: {prefer_process()}"))
             uvloop.run(run(config, linger_s, outputs, clock, ground, protection))
     except MocapFileError as error:
@@ -358,20 +348,13 @@ def serve(
 
 
 @contextmanager
-def _outputs(config: LabConfig, record: Path | None, as_json: bool, clock: Clock) -> Iterator[Outputs]:
-    """Terminal and recording, for as long as the process serves."""
-    with ExitStack() as open_ones:
-        console = Console()
-        if as_json:
-            outputs = Outputs(print_event_json, lambda state: print(json.dumps(state), flush=True))
-        elif console.is_terminal:
-            table = open_ones.enter_context(LiveTable(console))
-            outputs = Outputs(table.print_event, table.show)
-        else:
-            outputs = Outputs(print_event)
-        if record is not None:
-            metadata = {"lab": config.model_dump_json(), "versions": version.text(), "machine": machine()}
-            outputs = replace(
-                outputs, record=open_ones.enter_context(LogWriter(record, metadata, start=clock.pair())).write
-            )
-        yield outputs
+def _outputs(as_json: bool) -> Iterator[Outputs]:
+    """The terminal's, for as long as the process serves."""
+    console = Console()
+    if as_json:
+        yield Outputs(print_event_json, lambda state: print(json.dumps(state), flush=True))
+    elif console.is_terminal:
+        with LiveTable(console) as table:
+            yield Outputs(table.print_event, table.show)
+    else:
+        yield Outputs(print_event)

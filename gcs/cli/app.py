@@ -177,9 +177,6 @@ def serve_mocap(
     linger: Annotated[
         float | None, typer.Option(min=0.0, help="End when nobody has listened for this many seconds.")
     ] = None,
-    record: Annotated[
-        Path | None, typer.Option(metavar="FILE.mcap", help='Record the frames: a file for source "mcap".')
-    ] = None,
     as_json: Json = False,
     speed: Speed = 1.0,
     name: Name = GCS_NAME,
@@ -198,7 +195,7 @@ def serve_mocap(
         protection = lab_protection(config.security, lab, MOCAP, insecure=insecure)
     except ConfigError as error:
         fail(str(error), NOT_RIGHT)
-    serve(config, linger, record, as_json, clock.Clock(speed), name, protection)
+    serve(config, linger, as_json, clock.Clock(speed), name, protection)
 
 
 @mocap_app.command()

@@ -98,7 +98,7 @@ def _lost_frames(source: str, lost: float) -> Finding:
 def _delay(mocap: MocapConfig, delay_s: float) -> Finding:
     """From exposure to receipt, where frames say when they were exposed; else it is only what the lab file says."""
     check, wanted = "delay", f"{mocap.delay_s * 1e3:.1f} ms"
-    if mocap.source in ("csv", "mcap", "mavlink"):
+    if mocap.source in ("csv", "mavlink"):
         return unmeasured(
             MOCAP, check, wanted, f'source "{mocap.source}" reports no exposure time: mocap.delay_s is used'
         )

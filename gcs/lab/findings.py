@@ -19,7 +19,7 @@ from wire.process.system import NOT_RIGHT
 def findings_of(config: LabConfig) -> tuple[Finding, ...]:
     """All errors and warnings of a lab, including the files that it names."""
     files = []
-    if config.mocap.file is not None and config.mocap.source in ("csv", "mcap"):
+    if config.mocap.file is not None and config.mocap.source == "csv":
         files.append(("mocap.file", config.mocap.file, "paths count from where the ground is started"))
     button = config.operator.stop_button
     if button is not None:

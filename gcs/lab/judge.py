@@ -379,9 +379,8 @@ def _mocap(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         yield keys.warn("mocap.rate_hz", POSES, why, f"{RATE_FEW_HZ:g} to {RATE_MANY_HZ:g} Hz")
     if mocap.delay_s > DELAY_LONG_S:
         yield keys.warn("mocap.delay_s", POSES, "seconds are meant; a loop this late flies slowly, or not at all")
-    if mocap.source in ("csv", "mcap"):
-        whose = "of the leader alone, nobody else is seen or can arm" if mocap.source == "csv" else "of an earlier day"
-        yield keys.warn("mocap.source", POSES, f"recorded poses, {whose}")
+    if mocap.source == "csv":
+        yield keys.warn("mocap.source", POSES, "recorded poses of the leader alone: nobody else is seen or can arm")
     elif mocap.file is not None:
         yield keys.warn("mocap.file", UNUSED, f'nothing is played with source "{mocap.source}"')
     yield from _camera_system(config, keys)

@@ -1,14 +1,20 @@
-"""The source that a lab file names; raw frames that somebody publishes on the lab's bus are one."""
+"""The source that a lab file names: a camera system, raw frames on the lab's bus, or a leader's recording."""
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 
 from formation.config import LabConfig
-from formation.messages import RawFrame
+from formation.messages import RawFrame, Severity
 from formation.mocap_config import QualisysConfig, ViconConfig
-from mocap.sources.recordings import Frame, Recording
+from mocap.sources.csv_file import read_recording
 from mocap.sources.source import Feed, Source, SourceStatus
 from wire.transport.mocap_bus import MocapBus
+
+POLL_NS = 100_000_000
 
 
 class BusSource:
@@ -34,10 +40,46 @@ class BusSource:
         self._deliver(frame)
 
 
-def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[[Frame], None]) -> Source:
+class Recording:
+    """A leader's recorded poses in real time, once somebody listens; MocapFileError for a file that cannot be used."""
+
+    def __init__(
+        self, config: LabConfig, deliver: Callable[[RawFrame], None], has_listener: Callable[[], bool], feed: Feed
+    ) -> None:
+        path, bodies, seen = Path(config.mocap.file or ""), (config.leader.body,), np.ones(1, np.bool_)
+        recorded = read_recording(path, config.leader.body, config.mocap.unit_m)
+        poses = zip(recorded.t_ns.tolist(), recorded.pos_mocap_m, recorded.q_mocap_from_marker, strict=True)
+        self._frames = [RawFrame(i, t_ns, bodies, pos[None], q[None], seen) for i, (t_ns, pos, q) in enumerate(poses)]
+        self._delay_ns = round(config.mocap.delay_s * 1e9)
+        self._deliver = deliver
+        self._has_listener = has_listener
+        self._feed = feed
+        self._status = SourceStatus(server=str(path), bodies=bodies)
+
+    async def run(self) -> None:
+        """Each frame `delay_s` after its own time since the first, captures restamped to now; then nothing more."""
+        clock = self._feed.clock
+        while not self._has_listener():
+            await clock.sleep_until_ns(clock.monotonic_ns() + POLL_NS)
+        self._status = replace(self._status, connected=True)
+        start_ns = clock.monotonic_ns()
+        for frame in self._frames:
+            t_ns = start_ns + frame.t_capture_ns
+            await clock.sleep_until_ns(t_ns + self._delay_ns)
+            self._deliver(replace(frame, t_capture_ns=t_ns))
+        self._status = replace(self._status, connected=False)
+        self._feed.report(Severity.WARNING, "the recording is over")
+        await asyncio.get_running_loop().create_future()
+
+    def status(self) -> SourceStatus:
+        """Whether it plays."""
+        return self._status
+
+
+def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[[RawFrame], None]) -> Source:
     """The source that `[mocap] source` names; nothing is reached before it is run.
 
-    deliver: of frames that are raw frames already, or a log's. Raises MocapFileError for a file that cannot be used,
+    deliver: of frames that are raw frames already. Raises MocapFileError for a file that cannot be used,
     ValueError for `mavlink`, which no mocap process serves.
     """
     lab = tuple(v.body for v in config.vehicles)
@@ -45,7 +87,7 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
     match config.mocap.source:
         case "zenoh":
             return BusSource(bus, deliver)
-        case "csv" | "mcap":
+        case "csv":
             return Recording(config, deliver, lambda: bus.has_subscribers, feed)
         case "vrpn":
             from mocap.sources.vrpn.session import vrpn_source

@@ -1,16 +1,14 @@
-"""Scenes for emulated cameras without any drone: bodies at rest, circling, or from a recording. Pure."""
+"""A scene for emulated cameras without any drone: bodies at rest, or circling. Pure."""
 
 from dataclasses import replace
 from math import cos, pi, sin
-from typing import Protocol
 
 import numpy as np
 
 from formation.config import FollowerConfig, LabConfig, LeaderConfig
 from formation.maths import frames
-from formation.messages import LabFrame, RawFrame, Truth
+from formation.messages import RawFrame, Truth
 from formation.mocap_config import MocapConfig
-from mocap.sources.recordings import Timed
 from sim.cameras.emulator import EmulatorConfig, MocapEmulator
 from sim.cameras.playback import Playback
 
@@ -19,19 +17,6 @@ RADIUS_M, PERIOD_S, TURN_PERIOD_S = 0.2, 6.0, 15.0
 
 STOOD_STILL_NS = 500_000_000
 """A process so late was stopped: it skips the frames of that time, since sending them would delay later ones."""
-
-
-class Scene(Protocol):
-    """The bodies that the cameras see, frame by frame; each has the lab's name for it."""
-
-    bodies: tuple[str, ...]
-
-    @property
-    def next_ns(self) -> int:
-        """When `frames` is due again."""
-
-    def frames(self, now_ns: int) -> list[RawFrame]:
-        """The frames that leave the cameras' computer by now."""
 
 
 class CirclingScene:
@@ -77,27 +62,6 @@ class CirclingScene:
         return Truth(t_ns, i + 1, pos, vel, q, np.array([0.0, 0.0, turn]), np.zeros(3), False)
 
 
-class RecordedScene:
-    """The frames of a log, or of a leader's CSV, at their own times; then nothing more."""
-
-    def __init__(self, recorded: list[Timed], t0_ns: int) -> None:
-        self.bodies = recorded[0][1].bodies
-        self._left = [(t0_ns + t_ns, frame) for t_ns, frame in reversed(recorded)]
-
-    @property
-    def next_ns(self) -> int:
-        """When `frames` is due again."""
-        return self._left[-1][0] if self._left else 2**63 - 1
-
-    def frames(self, now_ns: int) -> list[RawFrame]:
-        """The frames whose time has come."""
-        due = []
-        while self._left and self._left[-1][0] <= now_ns:
-            t_ns, frame = self._left.pop()
-            due.append(_as_raw(frame, t_ns))
-        return due
-
-
 def lab_of(names: tuple[str, ...], mocap: MocapConfig) -> LabConfig:
     """A lab of bodies of these names, and one more where there is but one."""
     followers = tuple(
@@ -124,10 +88,3 @@ def _first_bodies(frame: RawFrame, n: int) -> RawFrame:
         q_mocap_from_marker=frame.q_mocap_from_marker[:n],
         seen=frame.seen[:n],
     )
-
-
-def _as_raw(frame: RawFrame | LabFrame, t_ns: int) -> RawFrame:
-    """A log's frame is in lab axes, and shown by cameras whose axes are the lab's."""
-    if isinstance(frame, RawFrame):
-        return replace(frame, t_capture_ns=t_ns)
-    return RawFrame(frame.seq, t_ns, frame.bodies, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen)

@@ -217,7 +217,6 @@ class BoxOptions:
     csv: Annotated[
         Path | None, typer.Option(help="The first body moves as recorded (CSV: EuRoC, TUM, Motive, Vicon).")
     ] = None
-    mcap: Annotated[Path | None, typer.Option(help="All bodies move as in a flight's log.")] = None
     cameras: Annotated[
         str,
         typer.Option(
@@ -227,7 +226,6 @@ class BoxOptions:
         ),
     ] = ""
     restart_every: Annotated[float | None, typer.Option(min=2.0, help="The server restarts so often, s.")] = None
-    rename_every: Annotated[float | None, typer.Option(min=1.0, help="A body's name changes so often, s.")] = None
     host: Annotated[str | None, typer.Option(help="Our address: 127.0.0.1, for NatNet 127.0.0.2.")] = None
     port: Annotated[int | None, typer.Option(min=1, max=65535, help="The vendor's own if not given.")] = None
     insecure: Annotated[
@@ -243,7 +241,6 @@ class BoxOptions:
 @dropping_output()
 def mocap_server(options: BoxOptions) -> None:
     """Serve moving bodies in a camera system's own protocol, until Ctrl-C."""
-    from sim.cameras.box import Interruptions
     from sim.cli.mocap_server import BoxError, box
 
     def print_text(text: str) -> None:
@@ -255,9 +252,8 @@ def mocap_server(options: BoxOptions) -> None:
     try:
         if options.host is not None and not (options.insecure or is_loopback(options.host)):
             raise BoxError(f"--host {options.host} is not this machine, and camera protocols know no keys: --insecure")
-        running = box(options)
-        interruptions = Interruptions(options.restart_every, options.rename_every)
-        asyncio.run(running.serve(interruptions, print_text_json if options.as_json else print_text))
+        report = print_text_json if options.as_json else print_text
+        asyncio.run(box(options).serve(options.restart_every, report))
     except KeyboardInterrupt:
         return
     except (BoxError, OSError) as error:

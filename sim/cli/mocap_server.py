@@ -1,5 +1,6 @@
 """The work of `gcs-sim mocap-server`: the lab or the bodies that were asked for, and the vendor's server."""
 
+import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -9,16 +10,17 @@ from pydantic import ValidationError
 from formation.config import LabConfig
 from formation.mocap_config import MocapConfig
 from mocap.sources.csv_file import MocapFileError, read_recording
-from mocap.sources.recordings import mcap_frames
-from sim.cameras import box as cameras_box
 from sim.cameras.emulator import EmulatorConfig
 from sim.cameras.playback import Playback
-from sim.cameras.scene import CirclingScene, RecordedScene, Scene, lab_of
+from sim.cameras.scene import CirclingScene, lab_of
 from sim.cameras.systems import LOOPBACK, OTHER_LOOPBACK, SOURCE_OF, is_camera_system, server_for
 from sim.cli.app import BoxOptions
 from wire.clock import Clock
 from wire.config_file import load
 from wire.errors import ConfigError
+
+AWAY_NS = 1_000_000_000
+"""How long a restarted server is away."""
 
 
 class BoxError(ValueError):
@@ -29,18 +31,36 @@ class BoxError(ValueError):
 class Box:
     """A scene, the camera system that sees it, and their clock."""
 
-    scene: Scene
+    scene: CirclingScene
     mocap: MocapConfig
     clock: Clock
 
-    async def serve(self, interruptions: cameras_box.Interruptions, report: Callable[[str], None]) -> None:
-        """Serve until cancelled; OSError where an address is taken."""
+    async def serve(self, restart_every_s: float | None, report: Callable[[str], None]) -> None:
+        """Serve until cancelled, restarting the server so often, if given; OSError where an address is taken."""
         table = getattr(self.mocap, self.mocap.source)
         where = ", ".join(f"{key} {value}" for key, value in table.model_dump(exclude_none=True).items())
         report(f"{self.mocap.source} ({where}): {', '.join(self.scene.bodies)}")
-        await cameras_box.serve(
-            self.scene, lambda: server_for(self.mocap, self.scene.bodies, self.clock), interruptions, report, self.clock
-        )
+        server = server_for(self.mocap, self.scene.bodies, self.clock)
+        await server.start()
+        start_ns, restarts = self.clock.monotonic_ns(), 0
+        try:
+            while True:
+                await asyncio.sleep(0.0)  # also where the time has passed: clients are to be let in
+                await self.clock.sleep_until_ns(self.scene.next_ns)
+                now_ns = self.clock.monotonic_ns()
+                if restart_every_s is not None and now_ns - start_ns >= (restarts + 1) * restart_every_s * 1e9:
+                    restarts += 1
+                    report("the server goes")
+                    await server.close()
+                    await self.clock.sleep_until_ns(now_ns + AWAY_NS)
+                    self.scene.frames(self.clock.monotonic_ns())  # the frames of that time are lost
+                    server = server_for(self.mocap, self.scene.bodies, self.clock)
+                    await server.start()
+                    report("the server is back")
+                for frame in self.scene.frames(self.clock.monotonic_ns()):
+                    server.publish(frame)
+        finally:
+            await server.close()
 
 
 def box(options: BoxOptions) -> Box:
@@ -48,23 +68,16 @@ def box(options: BoxOptions) -> Box:
     clock = Clock(options.speed)
     t0_ns = clock.monotonic_ns()
     try:
-        recorded = None if options.mcap is None else mcap_frames(options.mcap)
         leader = None if options.csv is None else Playback(read_recording(options.csv))
-        names = _names(options.bodies) if recorded is None else recorded[0][1].bodies
+        names = tuple(f"body{i + 1}" for i in range(options.bodies))
         lab = lab_of(names, MocapConfig()) if options.lab is None else load(options.lab, LabConfig)
         mocap = _mocap(lab.mocap, options)
         emulator = EmulatorConfig.model_validate({"rate_hz": mocap.rate_hz} | _settings(options.cameras))
     except (ConfigError, MocapFileError, ValidationError) as error:
         raise BoxError(_first_line(error)) from error
-    if recorded is not None:
-        return Box(RecordedScene(recorded, t0_ns), mocap, clock)
     lab = lab.model_copy(update={"mocap": mocap})
     count = options.bodies if options.lab is None else len(lab.vehicles)
     return Box(CirclingScene(lab, count, emulator, options.still, leader, options.seed, t0_ns), mocap, clock)
-
-
-def _names(count: int) -> tuple[str, ...]:
-    return tuple(f"body{i + 1}" for i in range(count))
 
 
 def _mocap(mocap: MocapConfig, options: BoxOptions) -> MocapConfig:

@@ -107,17 +107,6 @@ def test_bodies_of_others_are_named_up_to_a_bound():
     assert len(core.unknown) == 16
 
 
-def test_a_recorded_lab_frame_goes_through_again_as_it_was():
-    core = a_core()
-    first = core.receive(raw(0), at(0))
-    assert first is not None
-    again = core.receive(replace(first, t_capture_ns=T0_NS + 50 * MS), at(5))
-    assert again is not None
-    assert again.bodies == first.bodies
-    other = replace(first, t_capture_ns=T0_NS + 60 * MS, bodies=("lead", "wand"))
-    assert core.receive(other, at(6)) is None
-
-
 @pytest.mark.parametrize("is_stamped", [True, False])
 def test_frames_stamped_on_arrival_are_re_timed_and_it_is_said_once(is_stamped: bool):
     """Every 40th frame is held back by 60 ms and those behind it with it; they come 0.3 ms after each other."""

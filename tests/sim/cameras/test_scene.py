@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from formation.maths import frames
-from formation.messages import LabFrame, RawFrame
+from formation.messages import RawFrame
 from formation.mocap_config import MocapConfig
 from sim.cameras.emulator import EmulatorConfig
-from sim.cameras.scene import CirclingScene, RecordedScene, lab_of
+from sim.cameras.scene import CirclingScene, lab_of
 
 S = 1_000_000_000
 EXACT = EmulatorConfig(jitter_s=0.0, noise_m=0.0, noise_rad=0.0, delay_s=0.0, delay_jitter_s=0.0)
@@ -42,20 +41,6 @@ def test_a_burst_comes_at_once_and_every_frame_of_it_with_its_own_exposure() -> 
     assert len(set(arrivals.tolist())) == 10
     assert np.diff(exposures) == pytest.approx(10_000_000)
     assert (arrivals - exposures).max() == pytest.approx(90_000_000)
-
-
-def test_a_log_is_shown_at_its_own_times_in_the_labs_axes_and_then_ends() -> None:
-    pos, q = np.array([[1.0, 2.0, 3.0]]), frames.IDENTITY[None]
-    logged = [LabFrame(k, 0, ("a",), pos, q, np.array([k != 1])) for k in range(3)]
-    room = RecordedScene([(k * 20_000_000, frame) for k, frame in enumerate(logged)], 5 * S)
-    assert room.bodies == ("a",)
-    assert room.next_ns == 5 * S
-    first, second = room.frames(5 * S + 25_000_000)
-    assert (first.t_capture_ns, second.t_capture_ns) == (5 * S, 5 * S + 20_000_000)
-    np.testing.assert_array_equal(first.pos_mocap_m, pos)
-    assert (first.seen[0], second.seen[0]) == (True, False)
-    assert len(room.frames(6 * S)) == 1
-    assert room.next_ns > 10**18
 
 
 def test_a_box_that_was_stopped_does_not_keep_its_clients_waiting_for_what_it_missed() -> None:

@@ -176,11 +176,12 @@ def _config(options: Options, file: Path | None) -> "GuardConfig":
             values |= {key: table | value} if value and isinstance(table, dict) else {}
         elif value is not None:
             values[key] = value
+    kind: type[GuardConfig]
     if "bridge" in values:
-        from drone_agent.bridge import BridgeConfig as Config
+        from drone_agent.bridge import BridgeConfig as kind
     else:
-        from drone_agent.config import SimulatedDroneConfig as Config
-    return parse(values, Config, source="drone-agent") if file is None else parse_read(values, Config, file)
+        from drone_agent.config import SimulatedDroneConfig as kind
+    return parse(values, kind, source="drone-agent") if file is None else parse_read(values, kind, file)
 
 
 def _of_lab(file: Path, body: str | None) -> dict[str, Any]:

@@ -52,7 +52,7 @@ class Failure:
 
 
 @dataclass(frozen=True, slots=True)
-class NearMiss:
+class ClosestRun:
     """A run that was contained, and the limit of which it used most."""
 
     draw: Draw
@@ -74,7 +74,7 @@ class Result:
     virtual_s: float
     simulated_s: float
     core_s: float
-    nearest: tuple[NearMiss, ...] = ()
+    nearest: tuple[ClosestRun, ...] = ()
 
     def to_json(self, controls: Mapping[str, float], with_monitors: Mapping[str, float] | None = None) -> str:
         """For scripts. controls: by monitor, the share of flights that failed without it; with_monitors: with it."""
@@ -144,9 +144,9 @@ def _failure(draw: Draw, run: Run) -> Failure:
     return Failure(draw, run.number, run.verdict.violations[0], run.faults)
 
 
-def _nearest(draw: Draw, runs: Sequence[Run]) -> tuple[NearMiss, ...]:
+def _nearest(draw: Draw, runs: Sequence[Run]) -> tuple[ClosestRun, ...]:
     near = [
-        NearMiss(draw, run.number, max(run.verdict.margins, key=lambda margin: margin.used))
+        ClosestRun(draw, run.number, max(run.verdict.margins, key=lambda margin: margin.used))
         for run in runs
         if run.verdict.contained and run.verdict.margins
     ]

@@ -89,8 +89,8 @@ def practise(options: "FlyOptions") -> None:
     grounds = {
         "--watch": options.watch, "--force": options.force, "--require": options.require, "--json": options.as_json,
     }  # fmt: skip
-    if given := [option for option, value in grounds.items() if value]:
-        text = f"--practice starts no ground, and has no {', '.join(given)}: `gcs run` has --page, --force and --json"
+    if unused := [option for option, value in grounds.items() if value]:
+        text = f"--practice starts no ground, and has no {', '.join(unused)}: `gcs run` has --page, --force and --json"
         fail(text, NOT_RIGHT)
     opened = _opened(options)
     scenario, files = opened.scenario, Files(_folder(options.out, opened.scenario))

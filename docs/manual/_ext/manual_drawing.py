@@ -70,7 +70,7 @@ def path_of(stop: str) -> str:
     return module.replace(".", "/") + ".py"
 
 
-def frame_way(_: str = "") -> str:
+def frame_path(_: str = "") -> str:
     """The drawing as SVG in HTML."""
     width = len(STAGES) * (WIDE + GAP) + GAP
     height = TOP + max(len(stops) for _, stops in STAGES) * (HIGH + GAP) + GAP

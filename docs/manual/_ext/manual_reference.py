@@ -633,7 +633,7 @@ PIECES: Mapping[str, Callable[[str], str]] = {
     for piece in (
         commands, exit_codes, keys, profiles, presets, trajectories, shapes, scenarios, fault_families, topics,
         messages, guard_times, events, rejections, mavlink, autopilot, results, version, extras,
-        manual_drawing.frame_way, manual_drawing.equations,
+        manual_drawing.frame_path, manual_drawing.equations,
     )
 }  # fmt: skip
 """By the name that a page uses."""

@@ -72,6 +72,7 @@ class EventCode(StrEnum):
     TAKE_OFF_TOO_LATE = auto()
     PILOT = auto()
     RELEASED = auto()
+    EXCLUDED = auto()
     NOT_LANDED = auto()
     TRAJECTORY = auto()
     SHAPE = auto()

@@ -50,10 +50,12 @@ class Reason(Enum):
     NOT_ARMED = "not every drone has armed yet"
     DISARMS_ITSELF = "{}: disarms itself in {:.1f} s, a take-off needs {:g} s: land, and arm again"
     ARMED = "{}: armed"
-    MAY_BE_ARMED = (
-        "{}: no heartbeat ({}), it may be armed: switch it on, "
-        "or restart the ground with a lab file that does not name it"
-    )
+    MAY_BE_ARMED = "{}: no heartbeat (last heard {}), it may be armed: switch it on, or exclude it"
+    # Who takes part
+    NO_DRONE = "{}: none of the lab's drones ({})"
+    LEADER_NEEDED = "{}: nothing is formed without the leader"
+    NONE_LEFT = "no follower would be left"
+    NOT_FLYING = "{}: does not fly in the formation"
     # Shapes and trajectories
     LEADER_OBSERVED = "{}: it is only observed, and flies what it flies"
     LEADER_UNSEEN = "{}: no fresh pose, there is nothing to form on"

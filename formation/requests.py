@@ -25,6 +25,8 @@ class Verb(StrEnum):
     HOLD = "hold"
     LAND = "land"
     STOP = "stop"
+    EXCLUDE = "exclude"
+    INCLUDE = "include"
     SHAPE = "shape"
     TRAJECTORY = "trajectory"
     RESET = "reset"

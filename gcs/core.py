@@ -35,6 +35,7 @@ from formation.messages import (
 )
 from formation.own_law.flight import OwnLaws
 from formation.own_law.law import Answer, LawGuard, unlimited
+from formation.reasons import Reject
 from formation.safety import rules
 from formation.safety.phases import STREAMING, Trigger
 from formation.safety.rules import Facts
@@ -69,6 +70,9 @@ from wire.rejections import RejectionLog
 WATCHDOG_FRAMES = 3.0
 REINITIALISE_NS = 400_000_000
 """Period of reinitialising the control after a takeover, until every drone follows it."""
+
+
+UNPHASED = (Verb.SHAPE, Verb.TRAJECTORY, Verb.EXCLUDE, Verb.INCLUDE)
 
 
 class BrokenInvariantError(RuntimeError):
@@ -289,10 +293,9 @@ class GcsCore:
         """The answer; none yet to `arm`, which is answered when every drone has armed, or has not."""
         if request.verb is Verb.STATUS:
             return [OperatorReply(request.id, True, encode(self.state(now_ns)))]
-        facts = self._facts(now_ns)
-        reasons = reject_reasons(request.verb, self._situation(facts, now_ns))
-        reasons = reasons or formation_change.ask(request, self._flight, facts, self._stages, now_ns)
-        if reasons:
+        excluded = self._flight.excluded
+        if reasons := self._reject_reasons(request, now_ns):
+            self._flight.exclude_only(excluded)
             text = "; ".join(reject.text for reject in reasons)
             self._flight.events.append(
                 Event(
@@ -304,24 +307,38 @@ class GcsCore:
                 )
             )
             return [OperatorReply(request.id, False, text, tuple(reject.reason.code for reject in reasons))]
-        self._execute(request.verb, now_ns)
+        self._execute(request, now_ns)
         if request.verb is Verb.ARM:
             self._arming_request = request.id
             return []
         return [OperatorReply(request.id, True, done_text(self._flight))]
 
+    def _reject_reasons(self, request: OperatorRequest, now_ns: int) -> tuple[Reject, ...]:
+        """Every reason against the request; without any, a shape, a trajectory or who takes part has been changed."""
+        if request.verb is Verb.ARM and (reasons := formation_change.participation(request, self._flight)):
+            return reasons
+        facts = self._facts(now_ns)
+        reasons = reject_reasons(request.verb, self._situation(facts, now_ns))
+        return reasons or formation_change.ask(request, self._flight, facts, self._stages, now_ns)
+
     def _situation(self, facts: Facts, now_ns: int) -> Situation:
         return Situation(self._config, self._drones, self._flight, self._host, self._without, facts, now_ns)
 
-    def _execute(self, verb: Verb, now_ns: int) -> None:
-        """Execute a request that nothing stands against. `acknowledge`, `shape` and `trajectory` change no phase."""
+    def _execute(self, request: OperatorRequest, now_ns: int) -> None:
+        """Execute a request that nothing stands against; those of UNPHASED, and `acknowledge`, change no phase.
+
+        Nor does a landing of one drone alone.
+        """
+        verb = request.verb
         down = takeover_text(self._drones) if verb is Verb.TAKE_CONTROL else ""
         if verb is Verb.ACKNOWLEDGE:
             self._flight.events.append(ACKNOWLEDGED)
         elif down:
             self._flight.pull(Trigger.LAND, Cause.LANDS_ITSELF, down, now_ns)
-        elif verb not in (Verb.SHAPE, Verb.TRAJECTORY):
+        elif verb not in UNPHASED and not (verb is Verb.LAND and request.argument):
             self._flight.pull(Trigger(verb.value), Cause.OPERATOR, f"operator: {verb}", now_ns)
+            if verb is Verb.ARM and self._flight.excluded:
+                self._stack = self._fresh_stack()  # who was left out and is out of sight is not kept clear of
             if verb is Verb.TAKE_CONTROL:
                 self._stack, self._reinitialise_at_ns = self._fresh_stack(), now_ns + REINITIALISE_NS
 

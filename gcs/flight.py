@@ -1,6 +1,7 @@
 """The flight: the phase, what each drone is led to in it, and how what is seen moves it on. No bytes, no control."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from math import hypot
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from formation.guidance.preview import trajectory_from
 from formation.guidance.shape import Shape, configured
 from formation.guidance.trajectory import Trajectory
 from formation.guidance.transition import Transition
-from formation.maths.arrays import Float
+from formation.maths.arrays import Bool, Float, Vec3
 from formation.messages import Cause, Event, EventCode, Phase, PhaseChange, Severity
 from formation.safety.phases import AFTER_STOP, AIRBORNE, Trigger, advance
 from formation.safety.rules import Verdict
@@ -67,6 +68,39 @@ class Flight:
         self._settled_since_ns: int | None = None
         self._spots: Float | None = None
         self._descent: Descent | None = None
+
+    def exclude_only(self, excluded: Collection[str]) -> None:
+        """Leave out these drones, by body, and no others."""
+        for drone in self._drones:
+            if drone.excluded != (drone.link.name in excluded):
+                drone.excluded = not drone.excluded
+                name = drone.link.name
+                text = f"{name} is left out" if drone.excluded else f"{name} takes part again"
+                self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.EXCLUDED, subject=name))
+
+    def leave(self, body: str, spot_m: tuple[float, float], now_ns: int) -> None:
+        """Land that drone alone, there; the others fly on without it."""
+        for drone in self._drones:
+            if drone.link.name == body:
+                drone.leaving_to = spot_m
+                drone.lead_to(drone.setpoint, Goal.LEAVE, now_ns)
+                text = f"{body} lands alone at x {spot_m[0]:.2f}, y {spot_m[1]:.2f}"
+                self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.EXCLUDED, subject=body))
+
+    @property
+    def excluded(self) -> tuple[str, ...]:
+        """The drones that take no part in the flight, by body."""
+        return tuple(drone.link.name for drone in self._drones if drone.excluded)
+
+    @property
+    def _participants(self) -> list[Drone]:
+        return [drone for drone in self._drones if not drone.excluded]
+
+    @property
+    def forming(self) -> Bool:
+        """Which followers take a slot, (followers,)."""
+        followers = self._drones[-len(self.config.followers) :]
+        return np.array([not drone.excluded and drone.leaving_to is None for drone in followers])
 
     def plan(self) -> Plan:
         """The plan for the control now; a drone without setpoints is not led, and all others keep clear of it."""
@@ -155,6 +189,8 @@ class Flight:
                 self._watch_joining(now_ns)
             case Phase.LAND:
                 self._watch_landing(stages, now_ns)
+        if stages is not None and self.phase in (Phase.HOLD, Phase.FORMATION):
+            self._watch_leaving(stages, now_ns)
         for drone in self._drones:
             if self.phase is not Phase.ARMED or now_ns - self.entered_ns >= STREAM_FIRST_NS:
                 drone.pursue(now_ns)
@@ -182,6 +218,9 @@ class Flight:
                 drone.let_down(now_ns)
             elif drone.joining(now_ns):
                 drone.release(now_ns)
+            if drone.leaving_to is not None and phase in (Phase.HOLD, Phase.FORMATION):
+                continue
+            drone.leaving_to = None
             drone.lead_to(self._setpoint(), _GOALS.get(phase, Goal.LEAVE), now_ns)
             if phase is Phase.LAND and not drone.lifted:
                 drone.stay_down(now_ns)
@@ -194,7 +233,7 @@ class Flight:
         for drone, thrust_norm in zip(self._drones, stages.target.thrust_norm.tolist(), strict=True):
             x_m, y_m, z_m = positions_m[drone.index]
             drone.detect_lift_off((x_m, y_m, z_m), ages_s[drone.index] < SEEN_S, thrust_norm)
-            if steady:
+            if steady and drone.leaving_to is None:
                 drone.update_flying_thrust(thrust_norm)
 
     def _setpoint(self) -> Setpoint:
@@ -273,7 +312,7 @@ class Flight:
     def _watch_slots(self, stages: Stages, now_ns: int) -> None:
         """Start the leader's trajectory once every slot has been taken for a second."""
         slots_m = stages.reference.slot_lead_m[-len(self.config.followers) :]
-        away_m = np.linalg.norm(slots_m - self.shape.offsets, axis=-1)
+        away_m = np.linalg.norm(slots_m - self.shape.offsets, axis=-1)[self.forming]
         if float(away_m.max()) > IN_SLOT_M:
             self._settled_since_ns = None
         elif self._settled_since_ns is None:
@@ -286,31 +325,49 @@ class Flight:
     def _watch_landing(self, stages: Stages | None, now_ns: int) -> None:
         if stages is not None:
             self._lead_down(stages)
-            for i, drone in enumerate(self._drones):
-                vz_m_s, above_m = float(stages.state.vel_lab_m_s[drone.index, 2]), float(stages.command.e_lead_m[i, 2])
-                drone.detect_touch_down(vz_m_s, above_m, float(stages.target.thrust_norm[i]), now_ns)
-                if drone.flown and drone.is_not_descending(above_m, now_ns):
-                    self._hand_over(drone, "does not come down", now_ns)
+            for i in range(len(self._drones)):
+                self._watch_descent(i, stages, now_ns)
         for drone in self._drones:  # a drone that lands or holds by itself does not follow
             if drone.link.armed and not drone.link.offboard and not drone.touched and not drone.joining(now_ns):
                 drone.release(now_ns)
         if not any(drone.is_awaited_down(now_ns) for drone in self._drones):
-            self._finish_landing(landed_text(self._drones, now_ns), now_ns)
+            self._finish_landing(landed_text(self._participants, now_ns), now_ns)
         elif stages is not None or now_ns - self.entered_ns > FIRST_FRAME_NS:
             self._end_landing(now_ns)
+
+    def _watch_descent(self, i: int, stages: Stages, now_ns: int) -> None:
+        drone = self._drones[i]
+        vz_m_s, above_m = float(stages.state.vel_lab_m_s[drone.index, 2]), float(stages.command.e_lead_m[i, 2])
+        drone.detect_touch_down(vz_m_s, above_m, float(stages.target.thrust_norm[i]), now_ns)
+        if drone.flown and drone.is_not_descending(above_m, now_ns):
+            self._hand_over(drone, "does not come down", now_ns)
+
+    def _watch_leaving(self, stages: Stages, now_ns: int) -> None:
+        """Those that land alone, until they are disarmed and take no part any more."""
+        for i, drone in enumerate(self._drones):
+            if drone.leaving_to is None:
+                continue
+            self._lead_over_and_down(drone, stages.state.pos_lab_m[drone.index], drone.leaving_to)
+            self._watch_descent(i, stages, now_ns)
+            if drone.is_landed or drone.piloted:
+                drone.excluded, drone.leaving_to = not drone.piloted, None
+                end = "a pilot flies it" if drone.piloted else "has landed and is disarmed, the others fly on"
+                name = drone.link.name
+                text = f"{name}: {end}"
+                self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.EXCLUDED, subject=name))
 
     @property
     def not_landed(self) -> tuple[str, ...]:
         """The drones that were heard and have not reported their motors off, though the landing or the stop is over."""
         if self.phase not in (Phase.GROUND, Phase.STOPPED):
             return ()
-        known = (drone for drone in self._drones if drone.link.telemetry.heartbeat is not None)
+        known = (d for d in self._drones if d.link.telemetry.heartbeat is not None and (d.link.armed or not d.excluded))
         return tuple(d.link.name for d in known if d.goal in (Goal.LAND, Goal.CUT) and not d.is_landed)
 
     def _finish_landing(self, text: str, now_ns: int) -> None:
         """End it; text: what is known of the drones, which is an alarm unless each has landed or has a pilot."""
         code = Cause.LEFT_TO_PILOT if any(drone.piloted for drone in self._drones) else Cause.LANDED
-        if any(not drone.piloted and not drone.is_landed for drone in self._drones):
+        if any(not drone.piloted and not drone.is_landed for drone in self._participants):
             code = Cause.NOT_LANDED
             self.events.append(Event(Severity.CRITICAL, "flight", text, code=EventCode.NOT_LANDED))
         self.pull(Trigger.DISARMED, code, text, now_ns)
@@ -320,7 +377,7 @@ class Flight:
         if self._descent is None:
             self._descent = descent(self._drones, self.config, self.entered_ns)
         if now_ns >= self._descent.end_ns:
-            text = late_text(self._drones, now_ns)
+            text = late_text(self._participants, now_ns)
             for drone in self._drones:
                 if drone.is_awaited_down(now_ns):
                     drone.release(now_ns)
@@ -339,16 +396,20 @@ class Flight:
 
     def _lead_down(self, stages: Stages) -> None:
         """Straight down; but aside first, at its height, for a drone under which another will stand."""
-        flight, at_m = self.config.flight, stages.state.pos_lab_m[[drone.index for drone in self._drones]]
+        at_m = stages.state.pos_lab_m[[drone.index for drone in self._drones]]
         if self._spots is None:
             self._spots = landing_spots(at_m, self.config.limits)
         for drone, here, spot in zip(self._drones, at_m, self._spots, strict=True):
-            if drone.descending or drone.touched or not drone.flown:
-                continue
-            if float(np.linalg.norm(here[:2] - spot)) < OVER_SPOT_M:
-                drone.setpoint, drone.descending = land_setpoint(drone.rest_z_m, flight.descend_m_s), True
-            else:
-                drone.setpoint = aside_setpoint(float(spot[0]), float(spot[1]), flight.climb_m_s)
+            self._lead_over_and_down(drone, here, spot)
+
+    def _lead_over_and_down(self, drone: Drone, here: Vec3, spot_m: Sequence[float]) -> None:
+        flight, (x_m, y_m) = self.config.flight, map(float, spot_m)
+        if drone.descending or drone.touched or not drone.flown:
+            return
+        if hypot(here[0] - x_m, here[1] - y_m) < OVER_SPOT_M:
+            drone.setpoint, drone.descending = land_setpoint(drone.rest_z_m, flight.descend_m_s), True
+        else:
+            drone.setpoint = aside_setpoint(x_m, y_m, flight.climb_m_s)
 
 
 def armed_text(flight: Flight, now_ns: int) -> str:
@@ -362,8 +423,9 @@ def armed_text(flight: Flight, now_ns: int) -> str:
 def done_text(flight: Flight) -> str:
     """The answer to a request that was carried out at once."""
     trajectory = f", trajectory {flight.trajectory_name}" if flight.config.leader.trajectories else ""
+    without = f", without {', '.join(flight.excluded)}" if flight.excluded else ""
     after = f"; {AFTER_STOP}" if flight.phase is Phase.STOPPED else ""
-    return f"phase {flight.phase.name}, shape {flight.shape.name}{trajectory}{after}"
+    return f"phase {flight.phase.name}, shape {flight.shape.name}{trajectory}{without}{after}"
 
 
 def _why_not_armed(drone: Drone) -> str:

@@ -1,4 +1,6 @@
-"""Requests for a shape or a trajectory in the current flight: whether it fits, and the transition into the slots."""
+"""Requests for a shape, a trajectory or who takes part: whether it fits, and the transition into the slots."""
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +11,7 @@ from formation.guidance.shape import Shape, shape_for
 from formation.guidance.shape_request import parse
 from formation.guidance.trajectory import Trajectory
 from formation.guidance.transition import Space, Transition, assigned, require_separation, transition
-from formation.maths.arrays import Float
+from formation.maths.arrays import Bool, Float
 from formation.messages import OperatorRequest, Phase, Verb
 from formation.paper.eq2_relative_frame import lead_from_lab
 from formation.reasons import Reason, Reject
@@ -19,6 +21,7 @@ from gcs.finding import Grade
 from gcs.flight import Flight
 from gcs.lab.feasibility import judge_trajectory, trajectory_text
 from gcs.lab.keys import Keys
+from gcs.landing import free_spot
 
 TRACKING_M = 0.02  # by so much together two followers may miss their references before the separation filter is asked
 INSET_M = 0.2
@@ -39,8 +42,62 @@ def ask(
             return change(request.argument, flight, facts, stages, now_ns)
         case Verb.TRAJECTORY:
             return choose(request.argument, flight, facts, stages)
+        case Verb.EXCLUDE | Verb.INCLUDE:
+            return participation(request, flight)
+        case Verb.LAND if request.argument:
+            return leave(request.argument, flight, stages, now_ns)
         case _:
             return ()
+
+
+def participation(request: OperatorRequest, flight: Flight) -> tuple[Reject, ...]:
+    """Leave drones out of the flight, or take them in again, or return why not.
+
+    argument: bodies, with commas between; `arm` names all that fly, or nobody, and then changes nothing.
+    """
+    if request.verb is Verb.ARM and not request.argument:
+        return ()
+    named, config = set(request.argument.split(",")), flight.config
+    drones = {vehicle.body for vehicle in config.vehicles if vehicle.sysid is not None}
+    if unknown := sorted(named - drones):
+        return (Reason.NO_DRONE.of(", ".join(unknown), ", ".join(names(config))),)
+    match request.verb:
+        case Verb.EXCLUDE:
+            excluded = named | set(flight.excluded)
+        case Verb.INCLUDE:
+            excluded = set(flight.excluded) - named
+        case _:
+            excluded = drones - named
+    if config.leader.body in excluded:
+        return (Reason.LEADER_NEEDED.of(config.leader.body),)
+    if excluded.issuperset(follower.body for follower in config.followers):
+        return (Reason.NONE_LEFT.of(),)
+    flight.exclude_only(excluded)
+    return ()
+
+
+def leave(body: str, flight: Flight, stages: Stages | None, now_ns: int) -> tuple[Reject, ...]:
+    """Land one follower alone while the others fly on, or return why not.
+
+    It lands at the nearest spot that is clear of the others, of their slots and of where these are led.
+    """
+    config, bodies = flight.config, names(flight.config)
+    followers = [follower.body for follower in config.followers]
+    if body == config.leader.body:
+        return (Reason.LEADER_NEEDED.of(body),)
+    if body not in followers:
+        return (Reason.NO_DRONE.of(body, ", ".join(bodies)),)
+    if stages is None or not flight.forming[followers.index(body)]:
+        return (Reason.NOT_FLYING.of(body),)
+    if np.count_nonzero(flight.forming) == 1:
+        return (Reason.NONE_LEFT.of(),)
+    ahead = foreseen(flight.shape, _leader_pose(stages), *flight.trajectory_progress(now_ns), config)
+    others = [i for i, follower in enumerate(followers) if flight.forming[i] and follower != body]
+    here_m, own = stages.state.pos_lab_m[:, :2], bodies.index(body)
+    paths_m = np.vstack((ahead.leader[:, 0, :2], ahead.slots[:, others, 0, :2].reshape(-1, 2)))
+    spot = free_spot(here_m[own], np.vstack((np.delete(here_m, own, axis=0), paths_m)), config.limits)
+    flight.leave(body, (float(spot[0]), float(spot[1])), now_ns)
+    return ()
 
 
 def start(flight: Flight, stages: Stages) -> tuple[Reject, ...]:
@@ -59,7 +116,7 @@ def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_
     """
     config, forming = flight.config, flight.phase is Phase.FORMATION
     try:
-        shape = requested(asked, stages, config)
+        shape = requested(asked, stages, config, flight.forming)
     except ValueError as error:
         return (Reason.NO_SHAPE.of(error),)
     pose = _start_pose(facts, stages, config, aloft=forming)
@@ -99,8 +156,8 @@ def trajectory_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[Reject
     return (*leader_path_reject_reasons(ahead, config), *slot_reject_reasons(ahead, config), *infeasible)
 
 
-def requested(text: str, stages: Stages | None, config: LabConfig) -> Shape:
-    """The shape an operator asks for, its slots dealt for least travel from where the followers are led.
+def requested(text: str, stages: Stages | None, config: LabConfig, forming: Bool) -> Shape:
+    """The shape an operator asks for, its slots dealt for least travel from where those followers are led that form.
 
     ValueError says what is wrong with the words or the shape.
     """
@@ -108,19 +165,31 @@ def requested(text: str, stages: Stages | None, config: LabConfig) -> Shape:
     require_separation(shape, space(config, 0.0), names(config))
     if stages is None:
         return shape
-    return assigned(shape, _led_motion(stages, config)[:, 0, :3])
+    return assigned(shape, _led_motion(stages, config)[:, 0, :3], forming)
 
 
-def compute_transition(shape: Shape, stages: Stages, config: LabConfig) -> Transition:
-    """The transition from the followers' references into the slots of `shape`; ValueError says why there is none."""
-    available = space(config, float(stages.state.pos_lab_m[0, 2]))
-    return transition(shape, _led_motion(stages, config), available, names(config))
+def compute_transition(shape: Shape, stages: Stages, config: LabConfig, forming: Bool) -> Transition:
+    """The transition from the references of the followers that form into their slots of `shape`.
+
+    ValueError says why there is none.
+    """
+    return transition_of(shape, _led_motion(stages, config), float(stages.state.pos_lab_m[0, 2]), config, forming)
+
+
+def transition_of(shape: Shape, motion_lead: Float, leader_z_m: float, config: LabConfig, forming: Bool) -> Transition:
+    """The same from motions (followers, 3, 4) in the leader's frame, of which those of the others do not count."""
+    rows = np.flatnonzero(forming).tolist()
+    who = [config.leader.body, *(config.followers[i].body for i in rows)]
+    found = transition(shape.part(rows), motion_lead[rows], space(config, leader_z_m), who)
+    rise_m = np.zeros(len(forming))
+    rise_m[rows] = found.rise_m
+    return replace(found, shape=shape, rise_m=tuple(rise_m.tolist()))
 
 
 def _set_out(shape: Shape, flight: Flight, stages: Stages, config: LabConfig) -> tuple[Reject, ...]:
     """Start the transition into the slots, or return why there is none."""
     try:
-        flight.change_formation(compute_transition(shape, stages, config))
+        flight.change_formation(compute_transition(shape, stages, config, flight.forming))
     except ValueError as error:
         return (Reason.NO_TRANSITION.of(error),)
     return ()

@@ -35,6 +35,15 @@ def landing_spots(pos_lab_m: Float, limits: LimitsConfig) -> Float:
     return spots
 
 
+def free_spot(own: Float, others: Float, limits: LimitsConfig) -> Float:
+    """Where one drone lands alone, (2): below itself, or at the nearest spot in the fence clear of others (k, 2).
+
+    Its own where there is none: those that pass above keep the minimum separation.
+    """
+    clear_m = CLEARANCE * limits.min_separation_m
+    return own if _distance(others, own) >= clear_m else _beside(own, others, clear_m, limits)
+
+
 def _beside(own: Float, others: Float, clear_m: float, limits: LimitsConfig) -> Float:
     low = np.array(limits.fence.low_m[:2]) + INSET_M
     high = np.array(limits.fence.high_m[:2]) - INSET_M

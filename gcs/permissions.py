@@ -1,7 +1,7 @@
 """May I? All that must hold before the ground does what an operator asks, in one table: `CONDITIONS`.
 
-Whether a shape, its transition or a trajectory fits into the fence is judged when it is asked for, by
-gcs.formation_change.
+Whether a shape, its transition or a trajectory fits into the fence, and whom a request names, is judged when it is
+asked for, by gcs.formation_change.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -48,8 +48,8 @@ class Situation:
 
     @property
     def unheard(self) -> tuple[Drone, ...]:
-        """Drones whose last heartbeat is too old."""
-        return tuple(drone for drone in self.drones if drone.link.heartbeat_age_s(self.now_ns) > HEARTBEAT_S)
+        """Drones of this flight whose last heartbeat is too old."""
+        return tuple(d for d in self.drones if not d.excluded and d.link.heartbeat_age_s(self.now_ns) > HEARTBEAT_S)
 
 
 Condition = Callable[[Situation], Iterable[Reject]]
@@ -105,6 +105,8 @@ def bodies_ready(now: Situation) -> Iterator[Reject]:
     outside_m = outside_box(facts.pos_lab_m, limits.fence.low_m, limits.fence.high_m)
     near_m = nearest(facts.pos_lab_m, fresh)
     for i, name in enumerate(facts.names):
+        if facts.excluded[i]:
+            continue
         if not fresh[i]:
             yield Reason.NO_POSE.of(name, _ago(facts.age_s[i]))
         elif facts.commanded[i]:
@@ -142,7 +144,8 @@ def _ago(age_s: float) -> str:
 def autopilots_ready(now: Situation) -> Iterator[Reject]:
     """Every autopilot is one that we know, ready to fly, with the parameters that a flight needs."""
     for drone in now.drones:
-        yield from autopilot_reasons(drone.link)
+        if not drone.excluded:
+            yield from autopilot_reasons(drone.link)
 
 
 def autopilot_reasons(link: DroneLink) -> Iterator[Reject]:
@@ -225,8 +228,7 @@ def all_stopped(now: Situation) -> Iterator[Reject]:
         if drone.link.armed:
             yield Reason.ARMED.of(drone.link.name)
     for drone in now.unheard:
-        age_s = drone.link.heartbeat_age_s(now.now_ns)
-        yield Reason.MAY_BE_ARMED.of(drone.link.name, f"last heard {_ago(age_s)}" if isfinite(age_s) else "never heard")
+        yield Reason.MAY_BE_ARMED.of(drone.link.name, _ago(drone.link.heartbeat_age_s(now.now_ns)))
 
 
 def trajectory_choosable(now: Situation) -> Iterator[Reject]:
@@ -236,6 +238,16 @@ def trajectory_choosable(now: Situation) -> Iterator[Reject]:
         yield Reason.LEADER_OBSERVED.of(leader.body)
     elif phase not in CHOOSING:
         yield _out_of_turn(Verb.TRAJECTORY, CHOOSING, phase, "")
+
+
+def only_in(verb: Verb, *phases: Phase) -> Condition:
+    """The phase is one of these."""
+
+    def condition(now: Situation) -> Iterator[Reject]:
+        if now.flight.phase not in phases:
+            yield _out_of_turn(verb, phases, now.flight.phase, "")
+
+    return condition
 
 
 def _out_of_turn(verb: Verb, phases: Iterable[Phase], phase: Phase, after: str) -> Reject:
@@ -254,6 +266,8 @@ CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
         Verb.LAND: (somebody_flies,),
         Verb.STOP: (),
         Verb.RESET: (all_stopped,),
+        Verb.EXCLUDE: (only_in(Verb.EXCLUDE, Phase.GROUND, Phase.STOPPED),),
+        Verb.INCLUDE: (only_in(Verb.INCLUDE, Phase.GROUND),),
         Verb.SHAPE: (leader_seen_in_formation,),
         Verb.TRAJECTORY: (trajectory_choosable,),
     }

@@ -244,8 +244,10 @@ class FactGatherer:
         n = len(self._names)
         ages_s, own_tilt, own_pos, battery = [_NO_AGES] * n, [math.nan] * n, [NOWHERE] * n, [math.nan] * n
         reported = [_REPORTED] * n
+        excluded, landing = np.zeros((2, n), np.bool_)
         for drone in self._drones:
             i, link = drone.index, drone.link
+            excluded[i], landing[i] = drone.excluded, drone.leaving_to is not None
             ages_s[i] = link.ages_s(now_ns)
             battery[i] = link.telemetry.battery
             if not self._own_mocap:  # what comes by the same link as the poses confirms nothing
@@ -258,6 +260,8 @@ class FactGatherer:
         return Facts(
             names=self._names,
             commanded=self._commanded,
+            excluded=excluded,
+            landing=landing,
             pos_lab_m=pos,
             speed_m_s=measured[0],
             tilt_rad=measured[1],

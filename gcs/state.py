@@ -155,6 +155,7 @@ def _drone_state(drone: Drone, m: int, numbers: _Numbers, rejected: str | None, 
         clock_offset_s=None if offset_ns is None else round(offset_ns * 1e-9, 6),
         loss=round(link.sequence.loss, 4),
         rejected=rejected,
+        excluded=drone.excluded,
     )
 
 

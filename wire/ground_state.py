@@ -33,6 +33,7 @@ class DroneState:
     piloted: a pilot has taken it over. stopped_ms: how long after the stop it reported its motors off, or confirmed.
     link_behind_s: age of its telemetry when it was read; superseded: packets that were dropped unread, since newer ones
     had arrived. battery: 0..1. loss: share of its packets, 0..1. rejected: why the pose validator rejects it, in words.
+    excluded: it takes no part in the flight.
     """
 
     sysid: int
@@ -60,6 +61,7 @@ class DroneState:
     clock_offset_s: float | None
     loss: float
     rejected: str | None
+    excluded: bool = False
 
 
 @dataclass(frozen=True, slots=True)

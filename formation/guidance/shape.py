@@ -1,5 +1,6 @@
 """Formations: a named set of slots in the leader's frame, out of the configuration or a pattern."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,10 @@ class Shape:
     def offsets(self) -> Vec3s:
         """The slots as an array (followers, 3)."""
         return np.array(self.offset_lead_m, dtype=np.float64).reshape(-1, 3)
+
+    def part(self, rows: Sequence[int]) -> "Shape":
+        """The same with these followers' slots alone."""
+        return Shape(self.name, tuple(self.offset_lead_m[i] for i in rows), tuple(self.yaw_offset_rad[i] for i in rows))
 
 
 def configured(config: LabConfig) -> Shape:

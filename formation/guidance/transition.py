@@ -16,7 +16,7 @@ import numpy as np
 from formation.guidance.reference_generator import add_gap
 from formation.guidance.shape import Shape, separations
 from formation.guidance.trajectory import braking_s, closing_s
-from formation.maths.arrays import Float
+from formation.maths.arrays import Bool, Float
 from formation.maths.assignment import assignment
 from formation.maths.frames import wrap_angle
 from formation.maths.kernel import kernel
@@ -57,13 +57,16 @@ class Transition:
     duration_s: float
 
 
-def assigned(shape: Shape, slot_now_lead_m: Float) -> Shape:
+def assigned(shape: Shape, slot_now_lead_m: Float, forming: Bool | None = None) -> Shape:
     """The same shape with its slots dealt to the followers so that the sum of squared travel is least.
 
-    slot_now_lead_m: (followers, 3).
+    slot_now_lead_m: (followers, 3). forming: which followers take a slot, the others get what is left; None: all.
     """
     gap = slot_now_lead_m[:, None, :] - shape.offsets[None, :, :]
-    slot_of = assignment(np.sum(gap * gap, axis=-1)).tolist()
+    cost = np.sum(gap * gap, axis=-1)
+    if forming is not None:
+        cost[~forming] = 0.0
+    slot_of = assignment(cost).tolist()
     return replace(
         shape,
         offset_lead_m=tuple(shape.offset_lead_m[j] for j in slot_of),

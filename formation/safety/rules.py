@@ -28,6 +28,8 @@ _SEVEREST_FIRST = (Trigger.LAND, Trigger.HOLD)
 class Facts(NamedTuple):
     """What is decided on: one entry per vehicle of the configuration, leader first (n).
 
+    excluded: takes no part in the flight; no rule is about it, as a body to keep clear of it counts. landing: lands
+    alone, and is judged as in LAND.
     For a body that is only observed the link's fields hold their healthy values. `battery` is 0..1, NaN where unknown.
     late_share: the part of the last second's frames that came late or were missed, 0..1.
     own_pos_lab_m, own_tilt_rad: what the drone's own estimator says, by another way than the mocap's poses come and
@@ -39,6 +41,8 @@ class Facts(NamedTuple):
 
     names: tuple[str, ...]
     commanded: Flags
+    excluded: Flags
+    landing: Flags
     pos_lab_m: Vec3s
     speed_m_s: Scalars
     tilt_rad: Scalars
@@ -120,7 +124,8 @@ def assess(
 ) -> tuple[RuleState, Verdict]:
     """Apply every rule that is `on` to every vehicle; a fault acts once it has lasted its rule's `persist_s`."""
     n = len(facts.names)
-    broken, active = np.zeros((len(RULES), n), np.bool_), _ACTIVE_RULES[phase] & on
+    active = np.where(facts.landing, _ACTIVE_RULES[Phase.LAND], _ACTIVE_RULES[phase]) & on[:, None] & ~facts.excluded
+    broken = np.zeros((len(RULES), n), np.bool_)
     measured = _measured(facts, limits)
     if not _find_broken(measured, facts.commanded, _MEASURES, _OVER, _OF_ALL, active, state.acted, broken):
         nobody = np.zeros(n, np.bool_)
@@ -140,7 +145,7 @@ _PERSIST_NS = np.array([round(rule.persist_s * 1e9) for rule in RULES], np.int64
 _MEASURES = np.array([rule.measure for rule in RULES])
 _OVER = np.array([rule.over for rule in RULES])
 _OF_ALL = np.array([rule.of_all or rule.of_swarm for rule in RULES])
-_ACTIVE_RULES = {phase: np.array([phase in rule.phases for rule in RULES]) for phase in Phase}
+_ACTIVE_RULES = {phase: np.array([[phase in rule.phases] for rule in RULES]) for phase in Phase}
 
 
 def _measured(facts: Facts, limits: LimitsConfig) -> Float:
@@ -239,7 +244,7 @@ def _find_broken(
     fault = False
     for rule in range(len(over)):
         for i in range(len(commanded)):
-            if active[rule]:
+            if active[rule, i]:
                 broken[rule, i] = (commanded[i] or of_all[rule]) and measured[measures[rule], i] > over[rule]
             fault = fault or broken[rule, i] or acted[rule, i]
     return fault

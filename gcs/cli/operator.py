@@ -17,7 +17,18 @@ from formation.guidance.shape_request import ShapeRequest
 from formation.requests import CONFIGURED, GCS_NAME, OperatorReply, OperatorRequest, Verb
 from wire import clock
 from wire.errors import BusError, ConfigError
-from wire.process.program import Insecure, Json, Name, fail, keys_of, lab_near, print_error, starting, with_options
+from wire.process.program import (
+    Insecure,
+    Json,
+    Name,
+    bodies_of,
+    fail,
+    keys_of,
+    lab_near,
+    print_error,
+    starting,
+    with_options,
+)
 from wire.process.system import NO_GROUND, NOT_RIGHT, REJECTED, own_name
 from wire.transport.lab_address import address_near
 
@@ -71,6 +82,36 @@ class _Ground:
     insecure: Insecure = False
 
 
+def offered_bodies(context: typer.Context, incomplete: str) -> list[str]:
+    """The lab's bodies."""
+    return starting(bodies_of(lab_near(context.params.get("lab"))), incomplete)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Bodies(_Ground):
+    """Drones, and the ground that is asked about them."""
+
+    bodies: Annotated[
+        list[str], typer.Argument(metavar="BODY...", help="As the lab file names them.", autocompletion=offered_bodies)
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Land(_Ground):
+    """Which drone is to land, and the ground that is asked."""
+
+    body: Annotated[str, typer.Argument(metavar="[BODY]", help="One alone.", autocompletion=offered_bodies)] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Arm(_Ground):
+    """Who is to fly, and the ground that is asked."""
+
+    fly_with: Annotated[
+        str, typer.Option("--with", metavar="BODY,...", help="With these alone; without it all that are not left out.")
+    ] = ""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Shape(_Ground):
     """A shape, and the ground that is asked for it."""
@@ -102,16 +143,16 @@ class _Trajectory(_Ground):
 def register(app: typer.Typer) -> None:
     """Add the commands, in the order of a flight."""
     app.command(Verb.STATUS.value)(status)
-    _register(app, Verb.ARM, "Bring every drone to off-board mode and arm it; refused with every reason.")
+    app.command(Verb.EXCLUDE.value)(exclude)
+    app.command(Verb.INCLUDE.value)(include)
+    app.command(Verb.ARM.value)(arm)
     _register(app, Verb.TAKE_CONTROL, "Take control of drones that fly without a ground, and hold them where they are.")
     _register(app, Verb.TAKEOFF, "Take off to the configured height, then hold.")
     _register(app, Verb.START, "Take up the formation; a commanded leader then flies its trajectory.")
     app.command(Verb.SHAPE.value)(shape)
     app.command(Verb.TRAJECTORY.value)(trajectory)
     _register(app, Verb.HOLD, "Brake and stay where each drone is.")
-    _register(
-        app, Verb.LAND, "Land where each drone is, and disarm there; refused only where all are down and disarmed."
-    )
+    app.command(Verb.LAND.value)(land)
     _register(app, Verb.STOP, "EMERGENCY: cut every drone's motors now, wherever it is. `gcs reset` to fly again.")
     _register(app, Verb.ACKNOWLEDGE, "Acknowledge every alarm; those whose conditions go on stay shown until they end.")
     _register(app, Verb.RESET, "After a stop, back to GROUND; refused while any drone is armed or unheard.")
@@ -132,6 +173,33 @@ def status(ground: _Ground) -> None:
             print_status(decode(reply.text), Console())
         except ValueError as error:
             fail(str(error), NOT_RIGHT)
+
+
+@with_options(_Bodies)
+def exclude(asked: _Bodies) -> None:
+    """Leave drones out, on the ground: the others fly without them, and their slots stay empty."""
+    _command(Verb.EXCLUDE, ",".join(asked.bodies), asked)
+
+
+@with_options(_Bodies)
+def include(asked: _Bodies) -> None:
+    """Take drones in again that were left out; they are to be ready to arm."""
+    _command(Verb.INCLUDE, ",".join(asked.bodies), asked)
+
+
+@with_options(_Land)
+def land(asked: _Land) -> None:
+    """Land where each drone is, and disarm there; refused only where all are down and disarmed.
+
+    With BODY: that drone alone, beside the others' way, while they fly on.
+    """
+    _command(Verb.LAND, asked.body, asked)
+
+
+@with_options(_Arm)
+def arm(asked: _Arm) -> None:
+    """Bring every drone to off-board mode and arm it; refused with every reason."""
+    _command(Verb.ARM, asked.fly_with, asked)
 
 
 @with_options(_Shape)
@@ -206,8 +274,9 @@ def print_status(state: "GroundState", console: "Console") -> None:
         words = column == "body"  # it alone gives way where the terminal is narrow
         table.add_column(f"{column}\n{unit}", no_wrap=not words, overflow="fold", justify="right" if unit else "left")
     for drone in state.drones:
+        mode = "left out" if drone.excluded else drone.mode
         cells = (
-            str(drone.sysid), drone.body, drone.autopilot or "-", drone.mode, "armed" if drone.armed else "-",
+            str(drone.sysid), drone.body, drone.autopilot or "-", mode, "armed" if drone.armed else "-",
             *_coordinates(drone.pos_lab_m), _number(drone.battery, 100.0, 0), _number(drone.link_behind_s, 1e3, 0),
             _number(drone.heartbeat_age_s, 1.0, 1, "never"), _number(drone.age_s, 1.0, 1, "never"),
         )  # fmt: skip

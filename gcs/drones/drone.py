@@ -53,6 +53,8 @@ class Goal(StrEnum):
 class Drone:
     """index: its place among the n vehicles. rest_z_m: height of its markers when it stood on the floor.
 
+    excluded: takes no part in the flight, and stays on the floor; a stop stops it, too. leaving_to: the spot, x and y,
+    where it lands alone while the others fly on.
     checked: its parameters have been read and wrong ones reported. lifted: seen off the floor since it was
     last armed. height_m: above where it stood, NaN unless that was seen. flying_thrust_norm: what it has been flying
     with of late, 0 before it flew. piloted: a pilot has taken it over, it is left alone. landing_itself: its
@@ -66,6 +68,8 @@ class Drone:
     setpoint: Setpoint = IDLE
     goal: Goal = Goal.LEAVE
     goal_since_ns: int = NEVER_NS
+    excluded: bool = False
+    leaving_to: tuple[float, float] | None = None
     rest_z_m: float = 0.0
     released: bool = False
     resting_since_ns: int | None = None
@@ -97,7 +101,7 @@ class Drone:
     @property
     def flown(self) -> bool:
         """Whether it is sent setpoints: not after a release or a motor cut, nor while a pilot flies it."""
-        return not self.released and not self.piloted and self.goal is not Goal.CUT
+        return not (self.excluded or self.released or self.piloted or self.goal is Goal.CUT)
 
     def rejects(self, now_ns: int) -> bool:
         """Whether its autopilot has rejected the step to the goal that was asked last, and its words have come."""
@@ -136,7 +140,7 @@ class Drone:
 
     def is_awaited_down(self, now_ns: int) -> bool:
         """Whether a landing still waits for it: not for a pilot's drone, nor for a lost one."""
-        return not (self.piloted or self.is_landed or self.is_lost(now_ns))
+        return not (self.excluded or self.piloted or self.is_landed or self.is_lost(now_ns))
 
     def disarms_in_s(self, now_ns: int) -> float | None:
         """How long until it disarms by itself for want of a take-off; None where it is not about to."""
@@ -268,7 +272,7 @@ class Drone:
 
     def take_over(self, now_ns: int) -> None:
         """It flies under no ground: it is to follow this one, from where it is."""
-        self.released = self.piloted = self.touched = False
+        self.excluded = self.released = self.piloted = self.touched = False
         self.lifted = True
         self.link.commands.reset_answer(request_control(self.link.target, self.link.codec.own))
         self.aim(Goal.JOIN, now_ns)

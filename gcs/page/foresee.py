@@ -13,7 +13,7 @@ from formation.config import LabConfig
 from formation.guidance.preview import Preview, expected_start, trajectory_from
 from formation.guidance.shape import Shape, shape_for
 from formation.guidance.shape_request import parse
-from formation.guidance.transition import assigned, require_separation, transition
+from formation.guidance.transition import assigned, require_separation
 from formation.maths.arrays import Float
 from formation.messages import Phase, Verb
 from formation.reasons import Reject
@@ -25,6 +25,7 @@ from gcs.formation_change import (
     slot_reject_reasons,
     space,
     trajectory_reject_reasons,
+    transition_of,
 )
 from gcs.lab.feasibility import trajectory_text
 from gcs.page.scene import Point, about
@@ -79,12 +80,13 @@ def _judged(wanted: Shape, state: GroundState, config: LabConfig, forming: bool,
     against: list[str] = []
     text = f"{wanted.name}: possible"
     if forming and seen:
-        led = _led(state, pose)
+        followers = state.drones[-len(config.followers) :]
+        led, forming_now = _led(followers, pose), np.array([not drone.excluded for drone in followers])
         if led is not None:
             if not starting:
-                wanted = assigned(wanted, led[:, 0, :3])
+                wanted = assigned(wanted, led[:, 0, :3], forming_now)
             try:
-                change = transition(wanted, led, space(config, float(pose[2])), names(config))
+                change = transition_of(wanted, led, float(pose[2]), config, forming_now)
                 text = f"{wanted.name}: {change.duration_s:.1f} s, never nearer than {change.separation_m:.2f} m"
             except ValueError as error:
                 against.append(str(error))
@@ -116,14 +118,17 @@ def _leader_pose(state: GroundState, config: LabConfig, aloft: bool) -> tuple[Fl
     return np.array([pos[0], pos[1], z, yaw]), True
 
 
-def _led(state: GroundState, pose: Float) -> Float | None:
-    """Where the followers are led now, at rest, as motions (followers, 3, 4) in the leader's frame."""
-    followers = len(state.slots_lead_m)
-    reported = [drone.reference_lab_m for drone in state.drones[-followers:]]
+def _led(followers: Sequence[DroneState], pose: Float) -> Float | None:
+    """Where the followers are led now, at rest, as motions (followers, 3, 4) in the leader's frame.
+
+    None where one that takes part is not led; who is left out has none.
+    """
+    nowhere = tuple(pose[:3].tolist())
+    reported = [nowhere if drone.excluded else drone.reference_lab_m for drone in followers]
     if any(reference is None for reference in reported):
         return None
     c, s = math.cos(-float(pose[3])), math.sin(-float(pose[3]))
-    motion = np.zeros((followers, 3, 4))
+    motion = np.zeros((len(followers), 3, 4))
     away = np.array(reported) - pose[:3]
     motion[:, 0, 0], motion[:, 0, 1] = c * away[:, 0] - s * away[:, 1], s * away[:, 0] + c * away[:, 1]
     motion[:, 0, 2] = away[:, 2]

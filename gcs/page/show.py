@@ -69,7 +69,7 @@ class Cell:
 
 def row(drone: DroneState, flying: bool) -> tuple[Cell, ...]:
     """One drone of the ground's state, a cell a column; flying: errors are shown for a swarm that is led somewhere."""
-    mode = drone.mode + (" (pilot)" if drone.piloted else "")
+    mode = "left out" if drone.excluded else drone.mode + (" (pilot)" if drone.piloted else "")
     return (
         Cell(str(drone.sysid)),
         Cell(drone.body),

@@ -13,6 +13,8 @@ def healthy(**changes) -> Facts:
     facts = Facts(
         names=NAMES,
         commanded=np.array([True, True, True]),
+        excluded=np.zeros(3, bool),
+        landing=np.zeros(3, bool),
         pos_lab_m=np.array([[0.0, 0.0, 0.3], [-0.4, 0.4, 0.3], [-0.4, -0.4, 0.3]]),
         speed_m_s=np.zeros(3),
         tilt_rad=np.zeros(3),

@@ -45,7 +45,7 @@ def manager(folder: Path) -> Iterator[socket.socket]:
     """The socket that a service manager listens at."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
         listener.bind(str(folder / "notify"))
-        listener.settimeout(30.0)
+        listener.settimeout(120.0)
         yield listener
 
 

@@ -2,13 +2,18 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
+from operator import itemgetter
 from pathlib import Path
+from typing import TypeVar
 
-from analysis.load import load_checked
+from analysis.load import read, scenario_of
 from formation import topics
 from formation.messages import Event, OperatorReply, OperatorRequest
-from wire.logs.mcap_read import Log, holds_nothing
+from formation.topics import Topic
+from wire.logs.mcap_read import LogColumns, holds_nothing, read_columns
+
+M = TypeVar("M")
 
 NEEDS = (
     ("formation error", (topics.MOCAP, topics.REFERENCE)),
@@ -41,14 +46,14 @@ class Check:
 
 def check(path: Path) -> Check:
     """Read the whole log and say what it holds. Raises OSError, and wire.logs.mcap_read.LogError where it is no log."""
-    flight, found = load_checked(path)
+    log, found = read(path, {})
     span_ns = 0 if found.first_ns is None or found.last_ns is None else found.last_ns - found.first_ns
     usable = tuple(name for name, needs in NEEDS if all(found.entries.get(topic.name) for topic in needs))
     return Check(
         mcap=str(path),
         complete=found.complete,
         damage=found.damage,
-        scenario=flight.run.scenario,
+        scenario=scenario_of(log.metadata),
         duration_s=1e-9 * span_ns,
         entries={topic.name: found.entries[topic.name] for topic in topics.ALL if topic.name in found.entries},
         usable=usable,
@@ -59,6 +64,7 @@ def check(path: Path) -> Check:
 OPERATIONS = "key_operations"
 """The run's metadata: what was done to the lab's keys before, a line each."""
 NOBODY = "the ground itself"
+AUDITED = (topics.REQUEST, topics.REPLY, topics.REJECTED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,26 +77,34 @@ class Audited:
     result: str = ""
 
 
-def audit(log: Log) -> tuple[Audited, ...]:
-    """Key operations before the run, then requests with their answers and rejected inputs, in order of time."""
+def audit(path: Path) -> tuple[Audited, ...]:
+    """Key operations before the run, then requests with their answers and rejected inputs, in order of the log.
+
+    Raises as `check`.
+    """
+    log = read_columns(path, {topic: [field.name for field in fields(topic.type)] for topic in AUDITED})
+    if not log.count:
+        raise holds_nothing(path, log.check.damage)
     before = tuple(_operation(line) for line in log.metadata.get(OPERATIONS, "").splitlines())
-    return (*before, *_records(log))
+    answers = {reply.id: reply for _, _, reply in _messages(log, topics.REPLY, OperatorReply)}
+    rows = [
+        (number, Audited(t_s, request.source or NOBODY, _what(request), _result(answers.get(request.id))))
+        for number, t_s, request in _messages(log, topics.REQUEST, OperatorRequest)
+    ]
+    rows += [(number, Audited(t_s, e.source, e.text)) for number, t_s, e in _messages(log, topics.REJECTED, Event)]
+    return (*before, *(row for _, row in sorted(rows, key=itemgetter(0))))
 
 
-def _records(log: Log) -> Iterator[Audited]:
-    start_ns: int | None = None
-    answers = {e.message.id: e.message for e in log.entries if isinstance(e.message, OperatorReply)}
-    for entry in log.entries:
-        start_ns = entry.t_ns if start_ns is None else start_ns
-        t_s = (entry.t_ns - start_ns) * 1e-9
-        message = entry.message
-        if isinstance(message, OperatorRequest):
-            what = f"{message.verb.command_name} {message.argument}".strip()
-            yield Audited(t_s, message.source or NOBODY, what, _result(answers.get(message.id)))
-        elif entry.topic == topics.REJECTED and isinstance(message, Event):
-            yield Audited(t_s, message.source, message.text)
-    if start_ns is None:
-        raise holds_nothing(log.path)
+def _messages(log: LogColumns, topic: Topic, kind: type[M]) -> Iterator[tuple[int, float, M]]:
+    """(place in the log, t_s, message) of each of a topic."""
+    found = log.topics.get(topic)
+    if found is not None:
+        t_s = (found.t_ns - log.begin_ns) * 1e-9
+        yield from zip(found.number.tolist(), t_s.tolist(), found.messages(kind), strict=True)
+
+
+def _what(request: OperatorRequest) -> str:
+    return f"{request.verb.command_name} {request.argument}".strip()
 
 
 def _operation(line: str) -> Audited:

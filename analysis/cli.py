@@ -85,10 +85,9 @@ def audit(log: LogPath, as_json: Json = False) -> None:
     from dataclasses import asdict
 
     from analysis.check import audit as audit_log
-    from wire.logs.mcap_read import read_log
 
     with _refusing():
-        rows = audit_log(read_log(log))
+        rows = audit_log(log)
     if as_json:
         typer.echo(json.dumps([asdict(row) for row in rows]))
         return
@@ -205,7 +204,7 @@ def identify(
 def _write_profile(found: "Identification", path: Path | None, sysid: int | None) -> None:
     """Write the profile of the drone of that sysid, or of the flight's last drone, a follower."""
     from wire.config_file import dump_profile
-    from wire.logs.mcap_read import LogError
+    from wire.logs.mcap_scan import LogError
 
     chosen = [drone for drone in found.drones if sysid in (None, drone.vehicle.sysid)]
     if path is None:
@@ -229,7 +228,7 @@ def _print_how_to_open(path: Path) -> None:
 @contextmanager
 def _refusing() -> Iterator[None]:
     """Turn what cannot be read or written into one line and exit code 2."""
-    from wire.logs.mcap_read import LogError
+    from wire.logs.mcap_scan import LogError
 
     try:
         yield

@@ -8,7 +8,8 @@ from typing import Any
 from formation.config import LabConfig
 from wire.config_file import load as load_lab
 from wire.logs import COLOURS
-from wire.logs.mcap_read import LogError, lab_of, read_log
+from wire.logs.mcap_read import lab_of, read_log
+from wire.logs.mcap_scan import LogError
 from wire.logs.scene import rerun_blueprint
 
 USUAL = ("leader", "right", "left")

@@ -3,61 +3,62 @@
 Ages are by the drone's own clock. Battery, link and mode are columns with ten rows a second, out of its datagrams.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
+from heapq import merge
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.load import Flight
-from analysis.series import Series
+from analysis.load import Flight, Traffic
 from formation.maths.arrays import Float
-from formation.messages import Datagram
 from wire.clock_offset import ClockOffset
 from wire.link_messages import (
     DRONE_COMPONENT,
     GROUND,
     Address,
-    AttitudeQuaternion,
     LinkMessage,
-    LocalPosition,
     MessageId,
+    Packet,
     TimeSync,
+    UnknownMessage,
 )
-from wire.logs.views import DroneLink, LinkView
+from wire.logs.views import READS, DroneLink, LinkView
 from wire.mavlink.codec import Codec
+from wire.mavlink.frames import Frames, stamps
 
 TimedMessage = tuple[float, int, LinkMessage]
 
 
-def from_drones(flight: Flight, reads: frozenset[int] | None = None) -> Iterator[TimedMessage]:
-    """(t_s, sysid of the link, message) of every packet the ground received, in log order.
-
-    reads: the ids of the messages that are decoded, all others are Unknown; None: every message.
-    """
-    return _packets(flight.up, lambda _: GROUND, reads)
+def from_drones(flight: Flight, reads: frozenset[int]) -> Iterator[TimedMessage]:
+    """(t_s, sysid of the link, message) of packets that the ground received, in log order; reads: the messages' ids."""
+    return (each[1:] for each in _packets(flight.up, lambda _: GROUND, reads))
 
 
-def from_ground(flight: Flight, reads: frozenset[int] | None = None) -> Iterator[TimedMessage]:
-    """(t_s, sysid of the link, message) of every packet the ground sent, in log order; reads: as in `from_drones`."""
-    return _packets(flight.down, lambda sysid: Address(sysid, DRONE_COMPONENT), reads)
+def from_ground(flight: Flight, reads: frozenset[int]) -> Iterator[TimedMessage]:
+    """(t_s, sysid of the link, message) of packets that the ground sent, in log order; reads: the messages' ids."""
+    return (each[1:] for each in _packets(flight.down, lambda sysid: Address(sysid, DRONE_COMPONENT), reads))
 
 
 def _packets(
-    datagrams: Series[Datagram], receiver: Callable[[int], Address], reads: frozenset[int] | None
-) -> Iterator[TimedMessage]:
-    """Every packet that its receiver would take; what does not parse is passed over, as it was in flight."""
+    traffic: Traffic, receiver: Callable[[int], Address], reads: frozenset[int]
+) -> Iterator[tuple[int, float, int, LinkMessage]]:
+    """Every packet that its receiver would take, where its frame is first; what does not parse is passed over, as
+    it was in flight."""
     codecs: dict[int, Codec] = {}
-    for t_s, datagram in zip(datagrams.t_s, datagrams.messages, strict=True):
-        if datagram.sysid not in codecs:
-            codecs[datagram.sysid] = Codec(receiver(datagram.sysid), reads=reads)
-        for packet in codecs[datagram.sysid].receive(datagram.data):
-            yield float(t_s), datagram.sysid, packet.message
+    frames = traffic.frames.of(*reads)
+    start, of = frames["start"].tolist(), frames["datagram"]
+    rows = zip(start, traffic.t_s[of].tolist(), traffic.sysid[of].tolist(), frames.each(), strict=True)
+    for at, t_s, sysid, data in rows:
+        if sysid not in codecs:
+            codecs[sysid] = Codec(receiver(sysid), reads=reads)
+        for packet in codecs[sysid].receive(data):
+            yield at, t_s, sysid, packet.message
 
 
 _CLOCKS = frozenset({MessageId.TIMESYNC})
-_STAMPED = frozenset({MessageId.TIMESYNC, MessageId.ATTITUDE_QUATERNION, MessageId.LOCAL_POSITION_NED})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,52 +81,62 @@ class _Link:
 
 def backlogs(flight: Flight) -> tuple[Backlog, ...]:
     """One a drone that was heard, by sysid. Ages count from the first answer to the ground's TIMESYNC."""
+    up, begin_ns = flight.up, flight.t0_ns
     asked = {(sysid, m.ts1_ns) for _, sysid, m in from_ground(flight, _CLOCKS) if isinstance(m, TimeSync)}
-    links: dict[int, _Link] = {}
-    for t_s, sysid, message in from_drones(flight, _STAMPED):
-        link, now_ns = links.setdefault(sysid, _Link()), flight.t0_ns + round(t_s * 1e9)
-        match message:
-            case TimeSync(tc1_ns=theirs_ns, ts1_ns=sent_ns) if theirs_ns and (sysid, sent_ns) in asked:
-                link.clock.exchange(sent_ns, theirs_ns, now_ns)
-            case AttitudeQuaternion() | LocalPosition():
-                lag_ns = link.clock.lag_ns(message.t_boot_ms * 1_000_000, now_ns)
-                if lag_ns is not None:
-                    link.behind_ms.append(max(lag_ns, 0) * 1e-6)
-    superseded = dict.fromkeys(links, 0)
-    for datagram in flight.up.messages:
-        if datagram.sysid in superseded:
-            superseded[datagram.sysid] += datagram.superseded
+    reported, boot_ms = stamps(up.frames)
+    of = reported["datagram"]
+    stamped = zip(reported["start"].tolist(), up.t_s[of].tolist(), up.sysid[of].tolist(), boot_ms.tolist(), strict=True)
+    sysids = np.unique(up.sysid[up.frames["datagram"]]).tolist()
+    links = {sysid: _Link() for sysid in sysids}
+    for _, t_s, sysid, received in merge(stamped, _packets(up, lambda _: GROUND, _CLOCKS), key=itemgetter(0)):
+        link, now_ns = links[sysid], begin_ns + round(t_s * 1e9)
+        if isinstance(received, int):
+            lag_ns = link.clock.lag_ns(received * 1_000_000, now_ns)
+            if lag_ns is not None:
+                link.behind_ms.append(max(lag_ns, 0) * 1e-6)
+        elif isinstance(received, TimeSync) and received.tc1_ns and (sysid, received.ts1_ns) in asked:
+            link.clock.exchange(received.ts1_ns, received.tc1_ns, now_ns)
     return tuple(
-        Backlog(sysid, np.array(link.behind_ms, np.float64), superseded[sysid]) for sysid, link in sorted(links.items())
+        Backlog(sysid, np.array(link.behind_ms, np.float64), int(up.superseded[up.sysid == sysid].sum()))
+        for sysid, link in links.items()
     )
 
 
 STEP_NS = 100_000_000
 History = Mapping[str, NDArray[Any]]
-"""`t_ns` and every field of `DroneLink`, each (T,)."""
+"""`t_ns`, since the log began, and every field of `DroneLink`, each (T,)."""
 
 
-def histories(datagrams: Iterable[tuple[int, Datagram]]) -> dict[int, History]:
-    """The link state of each drone, by sysid, at each tenth of a second from its first datagram to the last of all.
-
-    datagrams: (t_ns, datagram) in the order of time.
-    """
+def histories(up: Traffic) -> dict[int, History]:
+    """The link state of each drone, by sysid, at each tenth of a second from its first datagram to the last of all."""
     views: dict[int, LinkView] = {}
     rows: dict[int, list[tuple[int, DroneLink]]] = {}
-    next_ns: int | None = None
-    t_ns = 0
-    for t_ns, datagram in datagrams:
-        next_ns = t_ns + STEP_NS if next_ns is None else next_ns
-        while t_ns >= next_ns:
+    t_ns = [round(t_s * 1e9) for t_s in up.t_s.tolist()]
+    next_ns = t_ns[0] + STEP_NS if t_ns else 0
+    for k, packet in _packets_of_drones(up.frames):
+        while t_ns[k] >= next_ns:
             for sysid, view in views.items():
                 rows[sysid].append((next_ns, view.now(next_ns)))
             next_ns += STEP_NS
-        if datagram.sysid not in views:
-            views[datagram.sysid], rows[datagram.sysid] = LinkView(datagram.sysid), []
-        views[datagram.sysid].receive(datagram, t_ns)
+        sysid = int(up.sysid[k])
+        if sysid not in views:
+            views[sysid], rows[sysid] = LinkView(sysid), []
+        views[sysid].update(packet, t_ns[k])
     for sysid, view in views.items():
-        rows[sysid].append((t_ns, view.now(t_ns)))
+        rows[sysid].append((t_ns[-1], view.now(t_ns[-1])))
     return {sysid: _columns(states) for sysid, states in sorted(rows.items())}
+
+
+def _packets_of_drones(frames: Frames) -> Iterator[tuple[int, Packet]]:
+    """Every packet of drones, with its datagram: decoded, or UnknownMessage where it says nothing of a link's state."""
+    codec = Codec(GROUND, reads=READS)
+    names = ("datagram", "number", "system", "component", "seq")
+    rows = zip(*(frames[name].tolist() for name in names), frames.each(), strict=True)
+    for datagram, number, system, component, seq, data in rows:
+        if number in READS:
+            yield from ((datagram, packet) for packet in codec.receive(data))
+        else:
+            yield datagram, Packet(Address(system, component), seq, UnknownMessage(number))
 
 
 def _columns(states: list[tuple[int, DroneLink]]) -> History:

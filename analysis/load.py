@@ -4,41 +4,28 @@ Reads; judges nothing. Numbers are `analysis.metrics`, pictures `analysis.plots`
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.series import Series, series
+from analysis.series import Columns, Index, Series
 from formation import topics
 from formation.config import LabConfig
 from formation.maths.arrays import Bool, Float
-from formation.messages import (
-    AttitudeTarget,
-    Command,
-    Datagram,
-    Event,
-    LabFrame,
-    LawFailure,
-    LoopTiming,
-    OperatorReply,
-    OperatorRequest,
-    Phase,
-    PhaseChange,
-    Reference,
-    SwarmState,
-    Truth,
-)
+from formation.messages import Event, LawFailure, OperatorReply, OperatorRequest, Phase, PhaseChange
 from formation.topics import Topic
-from wire.logs.mcap_read import LogCheck, Reading, holds_nothing, lab_of, read_log
+from wire.columns import Stacked
+from wire.logs.mcap_read import LogCheck, LogColumns, TopicColumns, holds_nothing, lab_of, read_columns
+from wire.mavlink.frames import Frames, frames_in
 from wire.text import plain
-from wire.transport.frame_check import pose_fault
+from wire.transport.frame_check import MOST_BODIES, are_poses
 
 M = TypeVar("M")
-Stamped = list[tuple[float, float, object]]
 
 
 class Record(Protocol):
@@ -59,6 +46,25 @@ class Record(Protocol):
 
 LONGEST_WORDS, LONGEST_TEXT = 200, 1 << 20
 STRAY_NS = 600_000_000_000
+STAMPS: Mapping[Topic, str] = MappingProxyType({
+    topics.MOCAP: "t_capture_ns", topics.STATE: "t_ns", topics.REFERENCE: "t_ns", topics.COMMAND: "t_ns",
+    topics.TARGET: "t_ns", topics.TRUTH: "t_ns",
+})  # fmt: skip
+"""What of a message is the time that it speaks of; of others that is when they were logged."""
+READ: Mapping[Topic, tuple[str, ...]] = MappingProxyType({
+    topics.MOCAP: ("t_receive_ns", "bodies", "pos_lab_m", "q_lab_from_flu", "seen", "rejected"),
+    topics.REFERENCE: ("origin_lab_m", "heading_rad", "slot_lead_m", "slot_vel_lead_m_s", "in_formation"),
+    topics.COMMAND: ("s_lead_m_s", "dist_lab_m_s2", "acc_lab_m_s2"),
+    topics.TARGET: ("q_lab_from_flu", "thrust_norm", "saturation"),
+    topics.TIMING: ("latency_s", "late"),
+    topics.TRUTH: ("sysid", "dist_lab_m_s2"),
+    topics.LINK_UP: ("sysid", "data", "superseded"),
+    topics.LINK_DOWN: ("sysid", "data", "superseded"),
+})  # fmt: skip
+"""The columns that analysis reads of a file; flights in memory have them all."""
+RARE = (topics.EVENT, topics.LAW_FAILURE, topics.REQUEST, topics.REPLY, topics.PHASE)
+"""The few messages that are read one by one."""
+NOTHING = TopicColumns(np.zeros(0, np.int64), np.zeros(0, np.int64), MappingProxyType({}))
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +121,19 @@ class PhaseSpan:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Traffic:
+    """One direction of all links. t_s, sysid, superseded (D,): of each datagram, as in `Datagram`; frames: in them."""
+
+    t_s: Float
+    sysid: Index
+    superseded: Index
+    frames: Frames
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Flight:
     """One log, read: everything analysis needs, times in seconds since the log's first record.
 
@@ -126,18 +145,18 @@ class Flight:
     t0_ns: int
     duration_s: float
     poses: Poses
-    state: Series[SwarmState]
-    reference: Series[Reference]
-    command: Series[Command]
-    target: Series[AttitudeTarget]
-    timing: Series[LoopTiming]
+    state: Columns
+    reference: Columns
+    command: Columns
+    target: Columns
+    timing: Columns
     events: Series[Event]
     law_failures: Series[LawFailure]
     requests: Series[OperatorRequest]
     replies: Series[OperatorReply]
-    up: Series[Datagram]
-    down: Series[Datagram]
-    truth: Mapping[int, Series[Truth]]
+    up: Traffic
+    down: Traffic
+    truth: Mapping[int, Columns]
     phases: tuple[PhaseSpan, ...]
     closed: bool = True
 
@@ -164,90 +183,125 @@ def load(path: Path) -> Flight:
 def load_checked(path: Path) -> tuple[Flight, LogCheck]:
     """Read an MCAP log, and in the same pass what it holds and what is wrong with it. Raises as `load`, and LogError
     where it holds no message of a flight."""
-    reading = Reading(path)
-    records = _InTime(reading)
-    flight = from_records(read_log(path).metadata, records)
-    found = reading.check()
-    if records.left_out:
-        text = f"messages with stamps outside the log's own time, left out: {records.left_out}"
-        found = replace(found, complete=False, damage="; ".join(filter(None, (found.damage, text))))
-    if not found.entries:
-        raise holds_nothing(path, found.damage)
-    return replace(flight, closed=found.closed), found
+    log, found = read(path, {**READ, **{topic: tuple(field.name for field in fields(topic.type)) for topic in RARE}})
+    return replace(_flight(log.metadata, log.begin_ns, log.topics), closed=found.closed), found
 
 
-class _InTime:
-    """The records whose stamps fit the log's own time, so that one stamp of another year makes no endless grid.
-
-    Time runs ahead by at most a second a record: a ground records at least ten a second.
+def read(path: Path, names: Mapping[Topic, tuple[str, ...]]) -> tuple[LogColumns, LogCheck]:
+    """The columns that are named of a log, without messages whose stamps do not fit the log's own time, so that one
+    stamp of another year makes no endless grid; and what the log holds. Raises as `load_checked`.
     """
+    log = read_columns(path, {topic: names.get(topic, ()) + _stamp(topic) for topic in topics.ALL})
+    if not log.topics:
+        raise holds_nothing(path, log.check.damage)
+    fits = {topic: _fits(topic, found, log.begin_ns) for topic, found in log.topics.items()}
+    strays = sum(int((~each).sum()) for each in fits.values())
+    if not strays:
+        return log, log.check
+    text = f"messages with stamps outside the log's own time, left out: {strays}"
+    check = replace(log.check, complete=False, damage="; ".join(filter(None, (log.check.damage, text))))
+    return replace(log, topics={topic: found.where(fits[topic]) for topic, found in log.topics.items()}), check
 
-    def __init__(self, records: Iterable[Record]) -> None:
-        self.left_out = 0
-        self._records = records
 
-    def __iter__(self) -> Iterator[Record]:
-        first_ns: int | None = None
-        for number, record in enumerate(self._records):
-            first_ns = record.t_ns if first_ns is None else first_ns
-            low_ns, high_ns = first_ns - STRAY_NS, first_ns + STRAY_NS + number * 1_000_000_000
-            if low_ns <= record.t_ns <= high_ns and low_ns <= _stamp_ns(record) <= high_ns:
-                yield record
-            else:
-                self.left_out += 1
+def _stamp(topic: Topic) -> tuple[str, ...]:
+    return (STAMPS[topic],) if topic in STAMPS else ()
+
+
+def _fits(topic: Topic, found: TopicColumns, begin_ns: int) -> Bool:
+    """Whose times fit: time runs ahead by at most a second a record, as a ground records at least ten a second."""
+    low_ns, high_ns = begin_ns - STRAY_NS, begin_ns + STRAY_NS + found.number * 1_000_000_000
+    fits: Bool = np.ones(len(found.t_ns), np.bool_)
+    for times_ns in (found.t_ns, _stamps_ns(topic, found)):
+        fits &= (low_ns <= times_ns) & (times_ns <= high_ns)
+    return fits
+
+
+def _stamps_ns(topic: Topic, found: TopicColumns) -> Index:
+    """The times that messages speak of, else when they were logged."""
+    return found.fields[STAMPS[topic]].values if topic in STAMPS else found.t_ns
 
 
 def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flight:
-    """Build the flight from a log's metadata and its records in file order; any topic may be missing."""
-    t0_ns: int | None = None
-    last_ns = 0
-    found: defaultdict[str, Stamped] = defaultdict(list)
-    for record in records:
-        t0_ns = record.t_ns if t0_ns is None else t0_ns
-        last_ns = max(last_ns, record.t_ns)
-        stamp_s, logged_s = (_stamp_ns(record) - t0_ns) * 1e-9, (record.t_ns - t0_ns) * 1e-9
-        found[record.topic.name].append((stamp_s, logged_s, record.message))
-    t0_ns = t0_ns or 0
-    duration_s = max(last_ns - t0_ns, 0) * 1e-9
+    """Build the flight from a log's metadata and its records in file order; any topic may be missing, and a record of
+    another type than its topic's is left out."""
+    begin_ns: int | None = None
+    found: defaultdict[Topic, list[tuple[int, int, object]]] = defaultdict(list)
+    for number, record in enumerate(records):
+        begin_ns = record.t_ns if begin_ns is None else begin_ns
+        if isinstance(record.message, record.topic.type):
+            found[record.topic].append((record.t_ns, number, record.message))
+    columns = {}
+    for topic, rows in found.items():
+        t_ns, numbers, messages = zip(*rows, strict=True)
+        columns[topic] = TopicColumns(np.array(t_ns), np.array(numbers), Stacked(messages))
+    return _flight(metadata, begin_ns or 0, columns)
+
+
+def _flight(metadata: Mapping[str, str], begin_ns: int, found: Mapping[Topic, TopicColumns]) -> Flight:
+    last_ns = max((int(of_one.t_ns.max()) for of_one in found.values() if len(of_one.t_ns)), default=begin_ns)
+    duration_s = (last_ns - begin_ns) * 1e-9
     run = _run(metadata)
-    mocap = _of(found, topics.MOCAP, LabFrame)
-    reference = _of(found, topics.REFERENCE, Reference)
+
+    def columns(topic: Topic) -> Columns:
+        return _columns(topic, found.get(topic, NOTHING), begin_ns)
+
+    def rare(topic: Topic, kind: type[M]) -> Series[M]:
+        return _series(found.get(topic, NOTHING), begin_ns, kind)
+
+    mocap, reference = columns(topics.MOCAP), columns(topics.REFERENCE)
     vehicles = _vehicles(run.lab, mocap, reference)
     return Flight(
         run=run,
         vehicles=vehicles,
-        t0_ns=t0_ns,
+        t0_ns=begin_ns,
         duration_s=duration_s,
-        poses=_poses(mocap, tuple(vehicle.body for vehicle in vehicles), t0_ns),
-        state=_of(found, topics.STATE, SwarmState),
+        poses=_poses(found.get(topics.MOCAP, NOTHING), tuple(vehicle.body for vehicle in vehicles), begin_ns),
+        state=columns(topics.STATE),
         reference=reference,
-        command=_of(found, topics.COMMAND, Command),
-        target=_of(found, topics.TARGET, AttitudeTarget),
-        timing=_of(found, topics.TIMING, LoopTiming),
-        events=_of(found, topics.EVENT, Event),
-        law_failures=_of(found, topics.LAW_FAILURE, LawFailure),
-        requests=_of(found, topics.REQUEST, OperatorRequest),
-        replies=_of(found, topics.REPLY, OperatorReply),
-        up=_of(found, topics.LINK_UP, Datagram),
-        down=_of(found, topics.LINK_DOWN, Datagram),
-        truth=_truth(_of(found, topics.TRUTH, Truth)),
-        phases=_spans(_of(found, topics.PHASE, PhaseChange), duration_s),
+        command=columns(topics.COMMAND),
+        target=columns(topics.TARGET),
+        timing=columns(topics.TIMING),
+        events=rare(topics.EVENT, Event),
+        law_failures=rare(topics.LAW_FAILURE, LawFailure),
+        requests=rare(topics.REQUEST, OperatorRequest),
+        replies=rare(topics.REPLY, OperatorReply),
+        up=traffic(topics.LINK_UP, found.get(topics.LINK_UP, NOTHING), begin_ns),
+        down=traffic(topics.LINK_DOWN, found.get(topics.LINK_DOWN, NOTHING), begin_ns),
+        truth=_truth(columns(topics.TRUTH)),
+        phases=_spans(rare(topics.PHASE, PhaseChange), duration_s),
     )
 
 
-def _stamp_ns(record: Record) -> int:
-    """The time a message speaks of, else the time it was logged."""
-    message = record.message
-    if isinstance(message, LabFrame):
-        return message.t_capture_ns
-    if isinstance(message, SwarmState | Reference | Command | AttitudeTarget | Truth):
-        return message.t_ns
-    return record.t_ns
+def _columns(topic: Topic, found: TopicColumns, begin_ns: int) -> Columns:
+    if not len(found.t_ns):
+        return Columns(np.zeros(0), np.zeros(0), {}, np.zeros(0, np.int64))
+    stamps_ns = _stamps_ns(topic, found)
+    order = np.argsort(stamps_ns, kind="stable")
+    t_s, logged_s = (_seconds(times_ns[order] - begin_ns) for times_ns in (stamps_ns, found.t_ns))
+    return Columns(t_s, logged_s, found.fields, order)
 
 
-def _of(found: Mapping[str, Stamped], topic: Topic, kind: type[M]) -> Series[M]:
-    """The series of one topic; a record of another type than the topic's is left out."""
-    return series([(t, at, message) for t, at, message in found.get(topic.name, []) if isinstance(message, kind)])
+def _series(found: TopicColumns, begin_ns: int, kind: type[M]) -> Series[M]:
+    order = np.argsort(found.t_ns, kind="stable")
+    messages = found.messages(kind)
+    return Series(_seconds(found.t_ns[order] - begin_ns), tuple(messages[k] for k in order.tolist()))
+
+
+def _seconds(t_ns: Index) -> Float:
+    return np.multiply(t_ns, 1e-9, dtype=np.float64)
+
+
+def traffic(topic: Topic, found: TopicColumns, begin_ns: int) -> Traffic:
+    """The datagrams of one direction. begin_ns: when the log begins."""
+    datagrams = _columns(topic, found, begin_ns)
+    pieces = datagrams.fields["data"].pieces() if len(datagrams) else []
+    frames = frames_in(pieces[k] for k in datagrams.order.tolist())
+    return Traffic(datagrams.t_s, datagrams["sysid"], datagrams["superseded"], frames)
+
+
+def scenario_of(metadata: Mapping[str, str]) -> str:
+    """The scenario's name; empty where there is none."""
+    return plain(metadata.get("scenario", ""), LONGEST_WORDS)
 
 
 def _run(metadata: Mapping[str, str]) -> Run:
@@ -255,7 +309,7 @@ def _run(metadata: Mapping[str, str]) -> Run:
     seed = metadata.get("seed", "")
     link = plain(metadata.get("link", ""), LONGEST_WORDS)
     return Run(
-        scenario=plain(metadata.get("scenario", ""), LONGEST_WORDS),
+        scenario=scenario_of(metadata),
         seed=int(seed) if seed.lstrip("-").isdigit() else None,
         link=link,
         lockstep=metadata.get("host", "") == "lockstep" or link == "memory",
@@ -265,36 +319,44 @@ def _run(metadata: Mapping[str, str]) -> Run:
     )
 
 
-def _vehicles(lab: LabConfig | None, mocap: Series[LabFrame], reference: Series[Reference]) -> tuple[Vehicle, ...]:
+def _vehicles(lab: LabConfig | None, mocap: Columns, reference: Columns) -> tuple[Vehicle, ...]:
     """The configured vehicles; without a configuration, the mocap's bodies with the last m commanded."""
     if lab is not None:
         columns = {index: column for column, index in enumerate(lab.commanded)}
         return tuple(Vehicle(v.body, v.sysid, columns.get(i)) for i, v in enumerate(lab.vehicles))
-    bodies = mocap.messages[0].bodies if mocap.messages else ()
-    commanded = len(reference.messages[0].in_formation) if reference.messages else len(bodies)
+    bodies = mocap["bodies"][0] if len(mocap) else ()
+    commanded = reference["in_formation"].shape[1] if len(reference) else len(bodies)
     observed = len(bodies) - min(commanded, len(bodies))
     return tuple(Vehicle(body, None, i - observed if i >= observed else None) for i, body in enumerate(bodies))
 
 
-def _poses(mocap: Series[LabFrame], bodies: tuple[str, ...], t0_ns: int) -> Poses:
+_OF_BODIES = ("pos_lab_m", "q_lab_from_flu", "seen", "rejected")
+
+
+def _poses(found: TopicColumns, bodies: tuple[str, ...], begin_ns: int) -> Poses:
     """The sound frames of exactly these bodies, in this order; a log of ours has no others."""
-    sound = [frame.bodies == bodies and pose_fault(frame) is None for frame in mocap.messages]
-    mocap = mocap.where(np.array(sound, dtype=np.bool_))
+    if len(found.t_ns):
+        named = [len(bodies) <= MOST_BODIES and each == bodies for each in found.fields["bodies"].values.tolist()]
+        alike = (found.fields[name].of_length(len(bodies)) for name in _OF_BODIES)
+        found = found.where(np.logical_and.reduce([np.array(named, np.bool_), *alike]))
+    if len(found.t_ns):
+        found = found.where(are_poses(found.fields["pos_lab_m"].stack(), found.fields["q_lab_from_flu"].stack()))
+    mocap = _columns(topics.MOCAP, found, begin_ns)
     shape = (len(mocap), len(bodies))
     return Poses(
         mocap.t_s,
-        mocap.column(lambda frame: (frame.t_receive_ns - t0_ns) * 1e-9),
+        (mocap["t_receive_ns"] - begin_ns) * 1e-9,
         mocap.logged_s,
-        np.array([frame.pos_lab_m for frame in mocap.messages]).reshape(*shape, 3),
-        np.array([frame.q_lab_from_flu for frame in mocap.messages]).reshape(*shape, 4),
-        np.array([frame.seen for frame in mocap.messages], dtype=np.bool_).reshape(shape),
-        np.array([frame.rejected for frame in mocap.messages], dtype=np.uint8).reshape(shape),
+        mocap["pos_lab_m"].reshape(*shape, 3),
+        mocap["q_lab_from_flu"].reshape(*shape, 4),
+        mocap["seen"].astype(np.bool_).reshape(shape),
+        mocap["rejected"].astype(np.uint8).reshape(shape),
     )
 
 
-def _truth(truth: Series[Truth]) -> Mapping[int, Series[Truth]]:
+def _truth(truth: Columns) -> Mapping[int, Columns]:
     """Truth by system id."""
-    sysids = truth.column(lambda t: t.sysid)
+    sysids = truth["sysid"]
     return {int(sysid): truth.where(sysids == sysid) for sysid in np.unique(sysids)}
 
 

@@ -4,7 +4,6 @@ import hashlib
 import json
 import operator
 import re
-import struct
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from itertools import combinations, pairwise
@@ -14,17 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from analysis.links import backlogs, from_drones, from_ground
+from analysis.links import backlogs
 from analysis.load import Flight
 from analysis.outcome import outcome
 from analysis.series import moving_average
 from analysis.tracking import Tracking, airborne, track, track_leader
 from formation.codes import FlightResult, Outcome
 from formation.maths.arrays import Float
-from wire.link_messages import AttitudeSetpoint, NamedValue
+from wire.mavlink.frames import named_values, setpoints
 
 VIBRATION_WINDOW_S = 1.0
 AGE_NAME = "age_ms"
+COMMAND = np.dtype([("sysid", "u1"), ("t_boot_ms", "<u4"), ("ignore", "u1"), ("q", "<f8", 4), ("rate", "<f8", 3),
+                    ("thrust", "<f8")])  # fmt: skip
 BREAK_S = 0.25  # a gap longer than this ends a stretch of flight
 
 
@@ -117,7 +118,7 @@ def summarise(
         altitude_rms_m=rms(tracking.error_lead_m[..., 2][tracking.scored]),
         min_separation_m=min_separation(flight),
         frames=len(flight.poses),
-        late_ticks=sum(timing.late for timing in flight.timing.messages),
+        late_ticks=int(flight.timing["late"].sum()),
         law_failures=len(flight.law_failures),
         mocap_ms=None if flight.run.lockstep else mocap_latency(flight),
         latency_ms=latency(flight),
@@ -187,7 +188,7 @@ def min_separation(flight: Flight) -> float | None:
 
 def latency(flight: Flight) -> Latency | None:
     """Percentiles of the control cycle's latency; None where it was not timed."""
-    return _percentiles(1e3 * flight.timing.column(lambda timing: timing.latency_s))
+    return _percentiles(1e3 * flight.timing["latency_s"])
 
 
 def mocap_latency(flight: Flight) -> Latency | None:
@@ -219,18 +220,16 @@ def link_behind(flight: Flight) -> Latency | None:
 
 def ages_ms(flight: Flight) -> Float:
     """Every reported setpoint age, all drones."""
-    messages = from_drones(flight)
-    return np.array([m.value for _, _, m in messages if isinstance(m, NamedValue) and m.name == AGE_NAME])
+    return named_values(flight.up.frames, AGE_NAME)
 
 
 def command_hash(flight: Flight) -> str:
     """SHA-256 of every SET_ATTITUDE_TARGET sent, in order: drone, stamp, mask, attitude, rates, thrust."""
-    digest = hashlib.sha256()
-    for _, sysid, m in from_ground(flight):
-        if isinstance(m, AttitudeSetpoint):
-            values = (*m.q_lab_from_flu, *m.rate_flu_rad_s, m.thrust_norm)
-            digest.update(struct.pack("<BIB8d", sysid, m.t_boot_ms, m.ignore, *values))
-    return digest.hexdigest()
+    sent = setpoints(flight.down.frames, flight.down.sysid)
+    rows = np.zeros(len(sent.datagram), COMMAND)
+    rows["sysid"], rows["t_boot_ms"], rows["ignore"] = flight.down.sysid[sent.datagram], sent.t_boot_ms, sent.ignore
+    rows["q"], rows["rate"], rows["thrust"] = sent.q_lab_from_flu, sent.rate_flu_rad_s, sent.thrust_norm
+    return hashlib.sha256(rows.tobytes()).hexdigest()
 
 
 def _with_laws(ended: Outcome, flight: Flight) -> Outcome:

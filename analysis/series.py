@@ -1,13 +1,14 @@
-"""Time series of logged messages: one topic's messages in order, with columns read off as arrays. No files."""
+"""Time series of logged messages: one topic's messages in order, as columns or one by one. No files."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from formation.maths.arrays import Bool, Float
+from wire.columns import Column
 
 M = TypeVar("M")
 Index = NDArray[np.int64]
@@ -16,37 +17,48 @@ MIN_PARABOLA, MOST_REACHED = 5, 500
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Series(Generic[M]):
-    """The messages of one topic, ordered in time.
+    """The few messages of one topic, ordered in time.
 
-    t_s (T,): the time each message speaks of (capture time where it has one, else when it was logged);
-    logged_s (T,): when it was logged; both in seconds since the first record of the log.
+    t_s (T,): when each was logged, in seconds since the first record of the log.
     """
 
     t_s: Float
-    logged_s: Float
     messages: tuple[M, ...]
 
     def __len__(self) -> int:
         return len(self.messages)
 
-    def column(self, field: Callable[[M], ArrayLike]) -> Float:
-        """One field of every message as float64, shape (T, ...); of an empty series, (0,)."""
-        return np.array([field(message) for message in self.messages], dtype=np.float64)
 
-    def where(self, mask: Bool) -> "Series[M]":
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """The many messages of one topic, ordered in time.
+
+    t_s (T,): the time each message speaks of (capture time where it has one, else when it was logged);
+    logged_s (T,): when it was logged; both in seconds since the first record of the log.
+    fields, order: the columns as they were logged, and the place there of each message.
+    """
+
+    t_s: Float
+    logged_s: Float
+    fields: Mapping[str, Column]
+    order: Index
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """One field of every message (T, ...), numbers with a fraction as float64; of an empty series, (0,).
+
+        KeyError where it is no field of the topic, or none that analysis reads from a file.
+        """
+        if not len(self):
+            return np.zeros(0)
+        values = self.fields[name].stack()[self.order]
+        return values.astype(np.float64) if values.dtype.kind == "f" else values
+
+    def where(self, mask: Bool) -> "Columns":
         """The messages whose flag in mask (T,) is set."""
-        return Series(
-            self.t_s[mask],
-            self.logged_s[mask],
-            tuple(m for m, flag in zip(self.messages, mask, strict=True) if flag),
-        )
-
-
-def series(stamped: list[tuple[float, float, M]]) -> Series[M]:
-    """A series of (t_s, logged_s, message), sorted by the first; equal times keep their order."""
-    ordered = sorted(stamped, key=lambda entry: entry[0])
-    times = np.array([entry[:2] for entry in ordered], dtype=np.float64).reshape(-1, 2)
-    return Series(times[:, 0], times[:, 1], tuple(message for _, _, message in ordered))
+        return replace(self, t_s=self.t_s[mask], logged_s=self.logged_s[mask], order=self.order[mask])
 
 
 def nearest(t_s: Float, wanted_s: Float) -> Index:

@@ -8,21 +8,26 @@ import csv
 import json
 import pickle
 import sys
-from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
+from functools import cache
+from itertools import chain
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.links import histories
-from formation.config import LabConfig
+from formation import topics
 from formation.maths.arrays import Layout
 from formation.topics import LINK_UP
-from wire.logs.mcap_read import LogError, clock_of, holds_nothing, lab_of, read_log
+from wire.columns import Column
+from wire.logs.mcap_read import LogColumns, TopicColumns, clock_of, holds_nothing, lab_of, read_columns
+from wire.logs.mcap_scan import LogError
+
+if TYPE_CHECKING:
+    from formation.config import LabConfig
 
 Table = Mapping[str, NDArray[Any]]
 LINK = "drone/link"
@@ -41,57 +46,62 @@ class LogTables:
     unix_ns: int
 
 
-def load(path: Path) -> LogTables:
-    """Read a log, whole or damaged. Raises OSError, and LogError (a ValueError) if the file is no MCAP file."""
-    log = read_log(path)
-    lab = lab_of(log.metadata)
-    stamps: defaultdict[str, list[int]] = defaultdict(list)
-    found: defaultdict[str, list[Any]] = defaultdict(list)
-    first_ns: int | None = None
-    for entry in log.entries:
-        first_ns = entry.t_ns if first_ns is None else first_ns
-        stamps[entry.topic.name].append(entry.t_ns)
-        found[entry.topic.name].append(entry.message)
-    if not found:
+def load(path: Path, wanted: Collection[str] | None = None) -> LogTables:
+    """Read a log, whole or damaged. wanted: the tables' names; None: all.
+
+    Raises OSError, and LogError (a ValueError) if the file is no MCAP file or holds none of them.
+    """
+    is_wanted = {topic: wanted is None or topic.name in wanted for topic in topics.ALL}
+    has_link = wanted is None or LINK in wanted
+    read = [topic for topic in topics.ALL if is_wanted[topic] or (topic is LINK_UP and has_link)]
+    log = read_columns(path, {topic: [field.name for field in fields(topic.type)] for topic in read})
+    if not log.count:
         raise holds_nothing(path)
     clock = clock_of(log.metadata)
-    tables: dict[str, Table] = {}
-    for name, messages in found.items():
-        tables[name] = _table(np.array(stamps[name]), messages, lab, first_ns or 0, clock.ahead_ns)
-    if LINK_UP.name in found:
-        datagrams = zip(stamps[LINK_UP.name], found[LINK_UP.name], strict=True)
-        tables[LINK] = _link(datagrams, lab, first_ns or 0, clock.ahead_ns)
+
+    def times(t_ns: NDArray[np.int64]) -> Table:
+        return {"t_s": (t_ns - log.begin_ns) * 1e-9, "unix_ns": t_ns + clock.ahead_ns}
+
+    lab = cache(lambda: lab_of(log.metadata))
+    tables = {
+        topic.name: _table(topic.type, found, times, lab) for topic, found in log.topics.items() if is_wanted[topic]
+    }
+    if has_link and LINK_UP in log.topics:
+        tables[LINK] = _link(log, times, lab())
     return LogTables(log.metadata, tables, clock.unix_ns)
 
 
-def _times(t_ns: NDArray[np.int64], first_ns: int, ahead_ns: int) -> dict[str, NDArray[Any]]:
-    return {"t_s": (t_ns - first_ns) * 1e-9, "unix_ns": t_ns + ahead_ns}
+def names_of(path: Path) -> LogTables:
+    """The same without a column in any table. Raises as `load`."""
+    log = read_columns(path, dict.fromkeys(topics.ALL, ()))
+    if not log.topics:
+        raise holds_nothing(path)
+    names = [topic.name for topic in log.topics] + [LINK] * (LINK_UP in log.topics)
+    return LogTables(log.metadata, {name: {} for name in names}, clock_of(log.metadata).unix_ns)
 
 
-def _table(
-    t_ns: NDArray[np.int64], messages: Sequence[Any], lab: LabConfig | None, first_ns: int, ahead_ns: int
-) -> Table:
+Times = Callable[[NDArray[np.int64]], Table]
+Lab = Callable[[], "LabConfig | None"]
+
+
+def _table(kind: type, found: TopicColumns, times: Times, lab: Lab) -> Table:
     """One topic's messages, all of one type."""
-    kind = type(messages[0])
     hints = get_type_hints(kind, include_extras=True)
     layouts = {field.name: _layout(hints[field.name]) for field in fields(kind)}
-    rowed = [name for name, layout in layouts.items() if layout is not None and layout.shape[0] < 0]
-    counts = np.array([len(getattr(message, rowed[0])) for message in messages]) if rowed else None
+    rowed = {name: found.fields[name].flat() for name, layout in layouts.items() if layout and layout.shape[0] < 0}
+    counts = next(iter(rowed.values()))[1] if rowed else None
 
     def repeated(values: NDArray[Any]) -> NDArray[Any]:
         return values if counts is None else np.repeat(values, counts, axis=0)
 
-    columns = _times(repeated(t_ns), first_ns, ahead_ns)
+    columns = dict(times(repeated(found.t_ns)))
     if counts is not None:
-        columns["body"] = np.concatenate([_bodies(m, int(n), lab) for m, n in zip(messages, counts, strict=True)])
+        columns["body"] = _bodies(found, counts.tolist(), lab)
     for name, layout in layouts.items():
-        values = [getattr(message, name) for message in messages]
-        if layout is None:
-            if not (counts is not None and name == "bodies"):
-                columns[name] = repeated(_plain(values))
-        else:
-            rows = np.concatenate(values) if name in rowed else repeated(np.array(values))
-            columns |= _split(name, rows)
+        if layout is not None:
+            columns |= _split(name, rowed[name][0] if name in rowed else repeated(found.fields[name].values))
+        elif counts is None or name != "bodies":
+            columns[name] = repeated(_plain(hints[name], found.fields[name]))
     return columns
 
 
@@ -100,27 +110,40 @@ def _layout(hint: Any) -> Layout | None:
     return next((note for note in get_args(hint)[1:] if isinstance(note, Layout)), None)
 
 
-def _bodies(message: Any, count: int, lab: LabConfig | None) -> NDArray[Any]:
-    """Whom a message's rows are about: of its own bodies, of all vehicles, or of the commanded ones."""
-    named = getattr(message, "bodies", None)
-    if named is None and lab is not None:
-        every = [vehicle.body for vehicle in lab.vehicles]
-        named = every if len(every) == count else [every[i] for i in lab.commanded]
-    names = [str(i) for i in range(count)] if named is None or len(named) != count else named
-    return np.array(names, dtype=object)
+def _bodies(found: TopicColumns, counts: Sequence[int], lab: Lab) -> NDArray[Any]:
+    """Whom the rows are about: the messages' own bodies, or all vehicles, or the commanded ones."""
+    if "bodies" in found.fields:
+        named = found.fields["bodies"].values.tolist()
+    else:
+        of_count = {count: _vehicles(lab(), count) for count in set(counts)}
+        named = [of_count[count] for count in counts]
+    numbers = cache(lambda count: [str(i) for i in range(count)])
+    names = (each if len(each) == count else numbers(count) for each, count in zip(named, counts, strict=True))
+    return np.array(list(chain.from_iterable(names)), dtype=object)
 
 
-def _plain(values: list[Any]) -> NDArray[Any]:
+def _vehicles(lab: "LabConfig | None", count: int) -> Sequence[str]:
+    if lab is None:
+        return ()
+    every = [vehicle.body for vehicle in lab.vehicles]
+    return every if len(every) == count else [every[i] for i in lab.commanded]
+
+
+def _plain(hint: Any, column: Column) -> NDArray[Any]:
     """A column of numbers, flags, texts or bytes; enumerations by name, lists of texts as one text."""
+    if hint is bytes:
+        return np.array(column.pieces(), dtype=object)
+    values = column.values
     if isinstance(values[0], Enum):
-        values = [value.name for value in values]
+        return np.array([value.name for value in values.tolist()], dtype=object)
     if isinstance(values[0], tuple):
-        values = ["; ".join(value) for value in values]
-    return np.array(values, dtype=object if isinstance(values[0], str | bytes) else None)
+        return np.array(["; ".join(value) for value in values.tolist()], dtype=object)
+    return values
 
 
 def _split(name: str, rows: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """(T,) as it is; (T, k) as k columns."""
+    """(T,) as it is; (T, k) as k columns; single precision as double."""
+    rows = rows.astype(np.float64) if rows.dtype == np.float32 else rows
     if rows.ndim == 1:
         return {name: rows}
     flat = rows.reshape(len(rows), -1)
@@ -128,25 +151,30 @@ def _split(name: str, rows: NDArray[Any]) -> dict[str, NDArray[Any]]:
     return {name + ending: flat[:, k] for k, ending in enumerate(endings)}
 
 
-def _link(datagrams: Iterator[tuple[int, Any]], lab: LabConfig | None, first_ns: int, ahead_ns: int) -> Table:
+def _link(log: LogColumns, times: Times, lab: "LabConfig | None") -> Table:
     """One row for each drone and tenth of a second: its last battery, link and mode."""
+    from analysis.links import histories
+    from analysis.load import traffic
+
     body_of = {} if lab is None else {vehicle.sysid: vehicle.body for vehicle in lab.vehicles}
     parts = []
-    for sysid, history in histories(datagrams).items():
+    for sysid, history in histories(traffic(LINK_UP, log.topics[LINK_UP], log.begin_ns)).items():
         rest = dict(history)
-        t_ns = np.asarray(rest.pop("t_ns"), np.int64)
+        t_ns = np.asarray(rest.pop("t_ns"), np.int64) + log.begin_ns
         body = np.full(len(t_ns), body_of.get(sysid, str(sysid)), dtype=object)
-        parts.append(_times(t_ns, first_ns, ahead_ns) | {"body": body} | rest)
+        parts.append({**times(t_ns), "body": body} | rest)
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def main() -> None:
     """For `gcs_log.load`, which runs in other people's processes: the log of argv as a pickle on standard output.
 
-    Exit code 1 and one line on standard error where it cannot be read.
+    Behind the log's path the names of the tables that are wanted; without any, there are names alone. Exit code 1 and
+    one line on standard error where it cannot be read.
     """
+    path, *wanted = sys.argv[1:]
     try:
-        loaded = load(Path(sys.argv[1]))
+        loaded = load(Path(path), wanted) if wanted else names_of(Path(path))
     except (OSError, LogError) as error:
         sys.exit(f"{error}")
     content = dict(loaded.metadata), {name: dict(table) for name, table in loaded.tables.items()}, loaded.unix_ns

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.load import Flight, Poses
-from analysis.series import Series, nearest, smoothed
+from analysis.series import Columns, nearest, smoothed
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
-from formation.messages import Phase, Reference
+from formation.messages import Phase
 
 MATCH_S = 0.025  # a frame and the reference made for it are at most this far apart
 HEADING_WINDOW_S = 0.15
@@ -61,11 +61,10 @@ def track_leader(flight: Flight) -> LeaderTracking:
     return LeaderTracking(poses.t_s[scored], wanted, poses.pos_lab_m[scored, 0] - wanted)
 
 
-def reference_lab_m(reference: Series[Reference]) -> Float:
+def reference_lab_m(reference: Columns) -> Float:
     """Where each commanded vehicle should be, lab axes, shape (T, m, 3)."""
-    origin = reference.column(lambda r: r.origin_lab_m)
-    slot = reference.column(lambda r: r.slot_lead_m)
-    return origin + frames.rotate_about_z(reference.column(lambda r: r.heading_rad), slot)
+    slot: Float = frames.rotate_about_z(reference["heading_rad"], reference["slot_lead_m"])
+    return reference["origin_lab_m"] + slot
 
 
 def track(flight: Flight) -> Tracking:
@@ -77,14 +76,14 @@ def track(flight: Flight) -> Tracking:
     matched = nearest(reference.t_s, poses.t_s)
     close = np.abs(reference.t_s[matched] - poses.t_s) <= MATCH_S
     matched, t_s = matched[close], poses.t_s[close]
-    origin = reference.column(lambda r: r.origin_lab_m)[matched][:, columns]
-    slot = reference.column(lambda r: r.slot_lead_m)[matched][:, columns]
-    slot_speed = np.linalg.norm(reference.column(lambda r: r.slot_vel_lead_m_s)[matched][:, columns], axis=-1)
-    on_leader = reference.column(lambda r: r.in_formation)[matched][:, columns] > 0.5
+    origin, slot, slot_vel, on_leader = (
+        reference[name][matched][:, columns]
+        for name in ("origin_lab_m", "slot_lead_m", "slot_vel_lead_m_s", "in_formation")
+    )
     pos = _in_leader_frame(poses.pos_lab_m[close], leader_heading(poses)[close], origin)
     seen = poses.seen[close]
     formed = on_leader & seen[:, :1] & seen[:, 1:] & in_formation_phase(flight, t_s)[:, None]
-    return Tracking(t_s, pos - slot, formed, formed & (slot_speed < AT_REST_M_S))
+    return Tracking(t_s, pos - slot, formed, formed & (np.linalg.norm(slot_vel, axis=-1) < AT_REST_M_S))
 
 
 def _nothing(followers: int) -> Tracking:

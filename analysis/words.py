@@ -238,7 +238,7 @@ def _unseen(flight: Flight) -> Iterator[Remark]:
 
 
 def _limits(flight: Flight) -> Iterator[Remark]:
-    bits = flight.target.column(lambda t: t.saturation).astype(np.int64)
+    bits = flight.target["saturation"].astype(np.int64)
     bits = bits[in_formation_phase(flight, flight.target.t_s)] if len(flight.target) else bits
     if not bits.size:
         return

@@ -14,9 +14,9 @@ class Drop(StrEnum):
     NEVER = "never"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Topic:
-    """One channel of the log: its name, message type, nominal rate and what happens under pressure."""
+    """One channel of the log, equal to itself alone: name, message type, nominal rate, what happens under pressure."""
 
     name: str
     type: type

@@ -1,6 +1,6 @@
 """Replay: the inputs of a log through a new GcsCore, its outputs compared bit by bit with the recorded ones.
 
-The stages of control are compared as a log holds them, in single precision.
+Outputs are compared as a log holds them: those of control's stages in single precision.
 """
 
 import struct
@@ -17,9 +17,9 @@ from formation.config import LabConfig
 from formation.own_law.law import Answer, LawOverrunError
 from formation.topics import Topic
 from gcs.core import GcsCore
-from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, STAGES, THINNED, Thinning, outputs
-from wire.logs.mcap_read import Entry, Log
-from wire.schema import schema_of
+from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, THINNED, Thinning, outputs
+from wire.logs.mcap_read import Log, Stored
+from wire.schema import SchemaError, schema_of
 
 
 class ReplayError(ValueError):
@@ -64,28 +64,33 @@ def replay(log: Log) -> Replay:
 
     A log that was cut off may end in the middle of a tick's outputs: what is there must agree.
     """
+    try:
+        return _replayed(log)
+    except SchemaError as error:
+        raise ReplayError(f"it holds a message that cannot be read: {error}") from error
+
+
+def _replayed(log: Log) -> Replay:
     core, left_out = _core(log), log.left_out
     thinning = Thinning() if THINNED in log.metadata else None
     inputs = ticks = agreed = 0
     expected: Iterator[Output] = iter(())
     t_ns = 0
-    for entry in log.entries:
-        difference = None
-        if entry.topic in OUTPUT_TOPICS:
-            difference = _compare_next(entry, expected)
-        elif entry.topic in INPUT_TOPICS or entry.topic is topics.TICK:
-            difference = _left_over(expected, t_ns)
-            t_ns = entry.t_ns
+    for entry in log.stored(*INPUT_TOPICS, topics.TICK, *OUTPUT_TOPICS):
+        is_output = entry.topic in OUTPUT_TOPICS
+        difference = _compare_next(entry, expected) if is_output else _left_over(expected, t_ns)
         if difference is not None:
             return Replay(inputs, ticks, agreed, difference)
-        if entry.topic in OUTPUT_TOPICS:
+        if is_output:
             agreed += 1
-        elif entry.topic is topics.TICK:
+            continue
+        t_ns = entry.t_ns
+        if entry.topic is topics.TICK:
             now_ns = entry.message.now_ns
             outgoing = core.tick(now_ns)
             made = outputs(outgoing) if thinning is None else thinning.recorded(outgoing, now_ns)
             ticks, expected = ticks + 1, _as_written(made, left_out)
-        elif entry.topic in INPUT_TOPICS:
+        else:
             inputs += 1
             core.receive(entry.message, t_ns)
     if not agreed:
@@ -117,7 +122,7 @@ class _RecordedOverruns:
     """The lab's own law takes too long where it did in flight, and nowhere else: formation.own_law.law.LawGuard."""
 
     def __init__(self, log: Log) -> None:
-        failures = (entry.message for entry in log.entries if entry.topic is topics.LAW_FAILURE)
+        failures = (entry.message for entry in log.stored(topics.LAW_FAILURE))
         self._reasons = {failure.t_ns: failure.reason for failure in failures if failure.overran}
 
     def __call__(self, now_ns: int, call: Callable[[], Answer]) -> Answer:
@@ -141,25 +146,17 @@ def _core(log: Log) -> GcsCore:
         raise ReplayError(f"it was flown by the control law {law}, which a replay needs, too: {error}") from error
 
 
-def _compare_next(entry: Entry, expected: Iterator[Output]) -> Difference | None:
+def _compare_next(entry: Stored, expected: Iterator[Output]) -> Difference | None:
     replayed = next(expected, None)
     if replayed is None:
         return Difference(entry.topic.name, entry.t_ns, "message", _shown(entry.message), "nothing")
     topic, message = replayed
     if topic is not entry.topic:
         return Difference(entry.topic.name, entry.t_ns, "topic", entry.topic.name, topic.name)
-    if topic in STAGES:
-        found = _logged_difference(topic, entry.message, message)
-    else:
-        found = first_difference(entry.message, message)
-    return None if found is None else Difference(topic.name, entry.t_ns, *found)
-
-
-def _logged_difference(topic: Topic, recorded: object, replayed: object) -> tuple[str, str, str] | None:
-    """As `first_difference`, of two messages as a log holds them."""
     schema = schema_of(topic.type)
-    a, b = schema.encode(recorded), schema.encode(replayed)
-    return None if a == b else first_difference(schema.decode(a), schema.decode(b))
+    recorded, made = entry.data, schema.encode(message)
+    found = None if recorded == made else first_difference(schema.decode(recorded), schema.decode(made))
+    return None if found is None else Difference(topic.name, entry.t_ns, *found)
 
 
 def first_difference(recorded: object, replayed: object, name: str = "") -> tuple[str, str, str] | None:

@@ -3,7 +3,7 @@
 import pickle
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import ItemsView, Iterator, Mapping, ValuesView
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
@@ -27,6 +27,7 @@ class FlightLog(Mapping[str, Table]):
     """A log: its tables by topic (those that hold anything), and what it says of its run.
 
     In every table: `t_s`, seconds since the log's first record; `unix_ns`, the date of that, ns since 1970 UTC.
+    A table is read when it is first looked at; `items` and `values` read all of them at once.
     """
 
     metadata: Mapping[str, str]
@@ -46,6 +47,14 @@ class FlightLog(Mapping[str, Table]):
 
     def __len__(self) -> int:
         return len(self.tables)
+
+    def items(self) -> ItemsView[str, Table]:
+        """Topics and tables, of which all that are missing are read at once."""
+        return self.tables.items()
+
+    def values(self) -> ValuesView[Table]:
+        """The tables, as by `items`."""
+        return self.tables.values()
 
     def __repr__(self) -> str:
         """The topics as a table of text."""
@@ -73,11 +82,55 @@ def _overview(tables: Mapping[str, Table]) -> list[tuple[str, ...]]:
     return lines
 
 
+class _Tables(Mapping[str, Table]):
+    """A log's tables, each read when it is first looked at."""
+
+    def __init__(self, path: Path, names: tuple[str, ...]) -> None:
+        self._path, self._names = path, names
+        self._read: dict[str, Table] = {}
+
+    def __getitem__(self, name: str) -> Table:
+        if name not in self._names:
+            raise KeyError(name)
+        return self._load((name,))[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def items(self) -> ItemsView[str, Table]:
+        self._load(self._names)
+        return super().items()
+
+    def values(self) -> ValuesView[Table]:
+        self._load(self._names)
+        return super().values()
+
+    def _load(self, names: tuple[str, ...]) -> Mapping[str, Table]:
+        """All that were read, these among them."""
+        missing = [name for name in names if name not in self._read]
+        if missing:
+            self._read |= _content(self._path, *missing)[1]
+        return self._read
+
+
 def load(path: str | Path) -> FlightLog:
     """Read a log, whole or damaged. Raises OSError, and LogError (a ValueError) if the file is no MCAP file."""
-    Path(path).open("rb").close()
-    read = subprocess.run([*READER, str(path)], capture_output=True, check=False)
-    if read.returncode != 0:
-        raise LogError(read.stderr.decode(errors="replace").strip().rpartition("\n")[2])
-    metadata, tables, unix_ns = pickle.loads(read.stdout)
-    return FlightLog(metadata, tables, unix_ns)
+    path = Path(path).absolute()
+    path.open("rb").close()
+    metadata, names, unix_ns = _content(path)
+    return FlightLog(metadata, _Tables(path, tuple(names)), unix_ns)
+
+
+def _content(path: Path, *names: str) -> tuple[dict[str, str], dict[str, Table], int]:
+    """A log's metadata, the tables that are named, and when it began; LogError. Without names all tables are empty."""
+    with subprocess.Popen([*READER, str(path), *names], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as reader:
+        assert reader.stdout is not None
+        assert reader.stderr is not None
+        try:
+            content: tuple[dict[str, str], dict[str, Table], int] = pickle.load(reader.stdout)
+        except (EOFError, pickle.UnpicklingError):
+            raise LogError(reader.stderr.read().decode(errors="replace").strip().rpartition("\n")[2]) from None
+    return content

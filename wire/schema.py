@@ -9,7 +9,7 @@ Every other float64 comes back bit for bit. Fields are numbered in the order of 
 import dataclasses
 import struct
 import types
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from functools import cache, cached_property, partial
@@ -48,7 +48,7 @@ class Proto(IntEnum):
 T = TypeVar("T")
 
 
-_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+VARINT, _FIXED64, BYTES, _FIXED32 = 0, 1, 2, 5
 _SFIXED64 = struct.Struct("<q")
 _DOUBLE = struct.Struct("<d")
 
@@ -58,7 +58,16 @@ class SchemaError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class _Kind:
+class Numbers:
+    """How the numbers of a field lie in its bytes. stored: numpy's type of each; shape: -1 is as many as there are."""
+
+    stored: Any
+    shape: tuple[int, ...] = ()
+    is_flags: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
     """One field's type: its Protobuf type, how its value becomes bytes (for a tag, tag and all), and back."""
 
     proto: int
@@ -66,17 +75,20 @@ class _Kind:
     encoder: Callable[[bytes], Callable[[Any], bytes]]
     decode: Callable[[Any], Any]
     default: Any
+    numbers: Numbers | None = None
     repeated: bool = False
     many: bool = False  # one tag an item
     enum: type[IntEnum] | None = None
-    older: "_Kind | None" = None  # as earlier versions wrote it
+    older: "Kind | None" = None  # as earlier versions wrote it
 
 
 @dataclass(frozen=True, slots=True)
-class _Field:
+class Field:
+    """One field of a message."""
+
     name: str
     number: int
-    kind: _Kind
+    kind: Kind
     optional: bool
     default: Any
 
@@ -93,8 +105,7 @@ class Schema(Generic[T]):
             attrgetter(*names) if len(names) > 1 else lambda message: tuple(getattr(message, name) for name in names)
         )
         self._whole = not any(f.optional for f in self._fields)
-        self._encoders = [f.kind.encoder(_varint(f.number << 3 | f.kind.wire)) for f in self._fields]
-        self._by_tag = {f.number << 3 | f.kind.wire: f for f in self._fields}
+        self._encoders = [f.kind.encoder(varint(f.number << 3 | f.kind.wire)) for f in self._fields]
 
     @cached_property
     def descriptor_set(self) -> bytes:
@@ -109,31 +120,25 @@ class Schema(Generic[T]):
         pairs = zip(self._encoders, values, strict=True)
         return b"".join([encode(value) for encode, value in pairs if value is not None])
 
+    @cached_property
+    def own(self) -> "Written[T]":
+        """As this version writes it."""
+        return Written(self.message, self._fields, {f.number << 3 | f.kind.wire: f for f in self._fields})
+
     def decode(self, data: bytes) -> T:
-        """The message in `data`; fields of a later version are skipped, absent ones take their default.
+        """As `Written.decode`, of this version's own."""
+        return self.own.decode(data)
 
-        Raises SchemaError, nothing else.
-        """
-        return self._decode(data, self._by_tag)
-
-    def decoder(self, descriptor_set: bytes) -> Callable[[bytes], T]:
-        """A decoder for what was written by another version of this schema: fields are matched by name and type.
+    def written(self, descriptor_set: bytes) -> "Written[T]":
+        """As another version wrote it: fields are matched by name and type.
 
         descriptor_set: the FileDescriptorSet kept with the data. Raises SchemaError if it is none.
         """
-        by_tag = self._written(descriptor_set)
-        return lambda data: self._decode(data, by_tag)
-
-    def left_out(self, descriptor_set: bytes) -> frozenset[str]:
-        """The names of the fields that data of another version of this schema do not hold. Raises as `decoder`."""
-        written = {field.name for field in self._written(descriptor_set).values()}
-        return frozenset(field.name for field in self._fields) - written
-
-    def _written(self, descriptor_set: bytes) -> dict[int, _Field]:
-        """The fields that such data hold, by their tags there."""
         from google.protobuf import descriptor_pb2
         from google.protobuf.message import DecodeError
 
+        if descriptor_set == self.descriptor_set:
+            return self.own
         written = descriptor_pb2.FileDescriptorSet()
         try:
             written.ParseFromString(descriptor_set)
@@ -149,13 +154,30 @@ class Schema(Generic[T]):
             if kind is not None
         }
         read = [(field.number, known[key]) for field in found[0].field if (key := (field.name, field.type)) in known]
-        return {number << 3 | field.kind.wire: field for number, field in read}
+        return Written(self.message, self._fields, {number << 3 | field.kind.wire: field for number, field in read})
 
-    def _decode(self, data: bytes, by_tag: dict[int, _Field]) -> T:
+
+class Written(Generic[T]):
+    """The messages of a schema as one version wrote them. by_tag: the fields that it knew, by their tags there."""
+
+    def __init__(self, message: type[T], fields: Sequence[Field], by_tag: Mapping[int, Field]) -> None:
+        self.message, self.fields, self.by_tag = message, fields, by_tag
+
+    @property
+    def left_out(self) -> frozenset[str]:
+        """The names of the fields that it did not know."""
+        return frozenset(field.name for field in self.fields) - {field.name for field in self.by_tag.values()}
+
+    def decode(self, data: bytes) -> T:
+        """The message in `data`; fields of a later version are skipped, absent ones take their default.
+
+        Raises SchemaError, nothing else.
+        """
+        by_tag = self.by_tag
         values: dict[str, Any] = {}
         many: dict[str, list[Any]] = {}
         try:
-            for tag, raw in _tagged(data):
+            for tag, raw in tagged(data):
                 field = by_tag.get(tag)
                 if field is None:
                     continue
@@ -166,10 +188,10 @@ class Schema(Generic[T]):
                 else:
                     values[field.name] = value
         except (ValueError, IndexError, struct.error) as error:
-            raise SchemaError(f"{self.name}: {error}") from error
+            raise SchemaError(f"{PACKAGE}.{self.message.__name__}: {error}") from error
         values.update((name, tuple(items)) for name, items in many.items())
-        if len(values) < len(self._fields):
-            for field in self._fields:
+        if len(values) < len(self.fields):
+            for field in self.fields:
                 values.setdefault(field.name, None if field.optional else field.default)
         return self.message(**values)
 
@@ -180,7 +202,7 @@ def schema_of(message: type[T]) -> Schema[T]:
     return Schema(message)
 
 
-def described(name: str, fields: Sequence[_Field]) -> "descriptor_pb2.FileDescriptorSet":
+def described(name: str, fields: Sequence[Field]) -> "descriptor_pb2.FileDescriptorSet":
     """The FileDescriptorSet of one message of these fields, for readers that know nothing of us."""
     from google.protobuf import descriptor_pb2
 
@@ -206,7 +228,8 @@ def _add_enum(message: "descriptor_pb2.DescriptorProto", enum: type[IntEnum]) ->
         proto.value.add(name=values[number], number=number)
 
 
-def _varint(value: int) -> bytes:
+def varint(value: int) -> bytes:
+    """Protobuf's bytes of a number that is not negative."""
     out = bytearray()
     while value > 0x7F:
         out.append(value & 0x7F | 0x80)
@@ -216,12 +239,12 @@ def _varint(value: int) -> bytes:
 
 
 # Lengths are small: a table of the first of them is what keeps arrays cheap.
-_LENGTHS = tuple(_varint(n) for n in range(4096))
+_LENGTHS = tuple(varint(n) for n in range(4096))
 
 
 def _sized(data: bytes) -> bytes:
     size = len(data)
-    return (_LENGTHS[size] if size < 4096 else _varint(size)) + data
+    return (_LENGTHS[size] if size < 4096 else varint(size)) + data
 
 
 def _read_varint(data: bytes, at: int) -> tuple[int, int]:
@@ -239,7 +262,7 @@ def _read_varint(data: bytes, at: int) -> tuple[int, int]:
     raise SchemaError("a varint longer than ten bytes")
 
 
-def _tagged(data: bytes) -> Iterable[tuple[int, Any]]:
+def tagged(data: bytes) -> Iterable[tuple[int, Any]]:
     """(tag, raw value) of each field; raises SchemaError, IndexError. One-byte varints, most, are read in place."""
     at, end = 0, len(data)
     while at < end:
@@ -252,12 +275,12 @@ def _tagged(data: bytes) -> Iterable[tuple[int, Any]]:
             size = 8
         elif wire == _FIXED32:
             size = 4
-        elif wire in (_BYTES, _VARINT):
+        elif wire in (BYTES, VARINT):
             size = data[at]
             at += 1
             if size > 0x7F:
                 size, at = _read_varint(data, at - 1)
-            if wire == _VARINT:
+            if wire == VARINT:
                 yield tag, size
                 continue
         else:
@@ -269,7 +292,7 @@ def _tagged(data: bytes) -> Iterable[tuple[int, Any]]:
         at = stop
 
 
-def _fields_of(message: type) -> list[_Field]:
+def _fields_of(message: type) -> list[Field]:
     hints = get_type_hints(message, include_extras=True)
     fields = []
     for number, field in enumerate(dataclasses.fields(message), start=1):
@@ -278,7 +301,7 @@ def _fields_of(message: type) -> list[_Field]:
         if kind is None:
             raise TypeError(f"{message.__name__}.{field.name}: no Protobuf type for {hint}")
         default = kind.default if field.default is dataclasses.MISSING else field.default
-        fields.append(_Field(field.name, number, kind, optional, default))
+        fields.append(Field(field.name, number, kind, optional, default))
     return fields
 
 
@@ -290,20 +313,20 @@ def _without_none(hint: Any) -> tuple[Any, bool]:
     return hint, False
 
 
-def _kind(hint: Any) -> _Kind | None:
+def _kind(hint: Any) -> Kind | None:
     if get_origin(hint) is Annotated:
         return _array_kind(hint)
     if hint == tuple[str, ...]:
-        return _Kind(Proto.TYPE_STRING, _BYTES, _texts_encoder, bytes.decode, (), repeated=True, many=True)
+        return Kind(Proto.TYPE_STRING, BYTES, _texts_encoder, bytes.decode, (), repeated=True, many=True)
     if isinstance(hint, type) and issubclass(hint, StrEnum):
-        return _Kind(Proto.TYPE_STRING, _BYTES, _text_encoder, lambda raw: hint(raw.decode()), next(iter(hint)))
+        return Kind(Proto.TYPE_STRING, BYTES, _text_encoder, lambda raw: hint(raw.decode()), next(iter(hint)))
     if isinstance(hint, type) and issubclass(hint, IntEnum):
-        return _Kind(Proto.TYPE_ENUM, _VARINT, _varint_encoder, hint, next(iter(hint)), enum=hint)
+        return Kind(Proto.TYPE_ENUM, VARINT, _varint_encoder, hint, next(iter(hint)), enum=hint)
     return _SCALARS.get(hint)
 
 
 def _varint_encoder(tag: bytes) -> Callable[[int], bytes]:
-    return lambda value: tag + _varint(value)
+    return lambda value: tag + varint(value)
 
 
 def _number_encoder(code: str) -> Callable[[bytes], Callable[[Any], bytes]]:
@@ -323,16 +346,20 @@ def _texts_encoder(tag: bytes) -> Callable[[tuple[str, ...]], bytes]:
     return lambda values: b"".join([tag + _sized(value.encode()) for value in values])
 
 
-_SCALARS: dict[type, _Kind] = {
-    bool: _Kind(Proto.TYPE_BOOL, _VARINT, _number_encoder("?"), bool, False),
-    int: _Kind(Proto.TYPE_SFIXED64, _FIXED64, _number_encoder("q"), lambda raw: _SFIXED64.unpack(raw)[0], 0),
-    float: _Kind(Proto.TYPE_DOUBLE, _FIXED64, _number_encoder("d"), lambda raw: _DOUBLE.unpack(raw)[0], 0.0),
-    str: _Kind(Proto.TYPE_STRING, _BYTES, _text_encoder, bytes.decode, ""),
-    bytes: _Kind(Proto.TYPE_BYTES, _BYTES, _bytes_encoder, bytes, b""),
+_SCALARS: dict[type, Kind] = {
+    bool: Kind(Proto.TYPE_BOOL, VARINT, _number_encoder("?"), bool, False),
+    int: Kind(
+        Proto.TYPE_SFIXED64, _FIXED64, _number_encoder("q"), lambda raw: _SFIXED64.unpack(raw)[0], 0, Numbers("<i8")
+    ),
+    float: Kind(
+        Proto.TYPE_DOUBLE, _FIXED64, _number_encoder("d"), lambda raw: _DOUBLE.unpack(raw)[0], 0.0, Numbers("<f8")
+    ),
+    str: Kind(Proto.TYPE_STRING, BYTES, _text_encoder, bytes.decode, ""),
+    bytes: Kind(Proto.TYPE_BYTES, BYTES, _bytes_encoder, bytes, b"", Numbers("u1", (-1,))),
 }
 
 
-def _array_kind(hint: Any) -> _Kind | None:
+def _array_kind(hint: Any) -> Kind | None:
     from formation.maths.arrays import Layout
 
     layout = next((note for note in get_args(hint)[1:] if isinstance(note, Layout)), None)
@@ -344,7 +371,7 @@ def _array_kind(hint: Any) -> _Kind | None:
     return dataclasses.replace(_packed_kind(layout.scalar, layout.shape, "f4"), older=exact)
 
 
-def _packed_kind(scalar: Any, shape: tuple[int, ...], stored: Any) -> _Kind:
+def _packed_kind(scalar: Any, shape: tuple[int, ...], stored: Any) -> Kind:
     """Arrays of `scalar` and that shape, each number packed as `stored`."""
     import numpy as np
 
@@ -361,7 +388,7 @@ def _packed_kind(scalar: Any, shape: tuple[int, ...], stored: Any) -> _Kind:
             if head is None or value.dtype != dtype:
                 if value.dtype != dtype or value.shape[1:] != tail or value.ndim != len(shape):
                     raise ValueError(f"an array of {value.dtype} {value.shape}, not {dtype} {shape}")
-                head = heads[value.shape] = tag + _varint(value.size * wire_dtype.itemsize)
+                head = heads[value.shape] = tag + varint(value.size * wire_dtype.itemsize)
             return head + (value if is_same else value.astype(wire_dtype)).tobytes()
 
         return encode
@@ -372,11 +399,12 @@ def _packed_kind(scalar: Any, shape: tuple[int, ...], stored: Any) -> _Kind:
         return flat if shape == (-1,) else flat.reshape(shape)
 
     proto = {"?": Proto.TYPE_BOOL, "B": Proto.TYPE_BYTES, "f": Proto.TYPE_FLOAT}.get(wire_dtype.char, Proto.TYPE_DOUBLE)
-    return _Kind(
+    return Kind(
         proto=proto,
-        wire=_BYTES,
+        wire=BYTES,
         encoder=encoder,
         decode=decode,
         default=np.zeros(tuple(max(0, size) for size in shape), dtype),
+        numbers=Numbers(read_dtype, shape, dtype == np.bool_),
         repeated=proto is not Proto.TYPE_BYTES,
     )

@@ -17,13 +17,15 @@ from analysis.tracking import airborne
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
 from wire.clock_offset import ClockOffset
-from wire.link_messages import Attitude, AttitudeQuaternion, TimeSync
+from wire.link_messages import Attitude, AttitudeQuaternion, MessageId, TimeSync
 
 MAD_TO_DEVIATION = 1.4826  # of a normal distribution
 MAD_COST = 1.17  # standard error of that estimate, over sigma / sqrt(samples)
 LEAST = 50
 REACH = 2  # frames on either side that foretell a frame
 STILL_M = 0.02
+CLOCKS = frozenset({MessageId.TIMESYNC})
+ATTITUDES = frozenset({MessageId.ATTITUDE, MessageId.ATTITUDE_QUATERNION})
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,12 +115,12 @@ def attitudes_of(flight: Flight) -> dict[int, Attitudes]:
     """The attitudes that each drone reported, by sysid: times on the flight's clock, s (K,), and their `_up` (K, 2)."""
     sent_s = {
         (sysid, message.ts1_ns): t_s
-        for t_s, sysid, message in from_ground(flight)
+        for t_s, sysid, message in from_ground(flight, CLOCKS)
         if isinstance(message, TimeSync) and message.tc1_ns == 0
     }
     offsets: dict[int, ClockOffset] = {}
     reported: dict[int, list[tuple[int, Float]]] = {}
-    for t_s, sysid, message in from_drones(flight):
+    for t_s, sysid, message in from_drones(flight, CLOCKS | ATTITUDES):
         if isinstance(message, TimeSync) and (sysid, message.ts1_ns) in sent_s:
             asked_ns = round(1e9 * sent_s[sysid, message.ts1_ns])
             offsets.setdefault(sysid, ClockOffset()).exchange(asked_ns, message.tc1_ns, round(1e9 * t_s))

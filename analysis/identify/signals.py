@@ -5,12 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.links import from_ground
 from analysis.load import Flight, Vehicle
 from analysis.tracking import airborne
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
-from wire.link_messages import AttitudeSetpoint
+from wire.mavlink.frames import setpoints
 
 CONFIDENCE = 1.96  # standard deviations of a 95 % interval
 BLOCK_S = 1.0  # residuals further apart than this are taken as independent
@@ -96,13 +95,10 @@ class Seen:
 
 def sent(flight: Flight) -> dict[int, Sent]:
     """The targets of every drone, by system id."""
-    rows: dict[int, list[tuple[float, ...]]] = {}
-    for t_s, sysid, message in from_ground(flight):
-        if isinstance(message, AttitudeSetpoint):
-            values = (*message.q_lab_from_flu, *message.rate_flu_rad_s, message.thrust_norm)
-            rows.setdefault(sysid, []).append((t_s, *map(float, values)))
-    columns = {sysid: np.array(of_one).T for sysid, of_one in rows.items()}
-    return {sysid: Sent(c[0], c[1:5].T, c[5:8].T, c[8]) for sysid, c in columns.items()}
+    every = setpoints(flight.down.frames, flight.down.sysid)
+    t_s, sysids = flight.down.t_s[every.datagram], flight.down.sysid[every.datagram]
+    columns = t_s, every.q_lab_from_flu, every.rate_flu_rad_s, every.thrust_norm
+    return {sysid: Sent(*(column[sysids == sysid] for column in columns)) for sysid in np.unique(sysids).tolist()}
 
 
 def seen(flight: Flight, vehicle: Vehicle) -> Seen:

@@ -26,7 +26,7 @@ def sliding(flight: Flight) -> Drawing:
     """The sliding variable s of every commanded vehicle, components in its lead frame."""
     if not len(flight.command):
         return Missing("no control command was recorded")
-    s = flight.command.column(lambda c: c.s_lead_m_s)
+    s = flight.command["s_lead_m_s"]
     return _three(flight, flight.command.t_s, s, "s", "m/s", "Sliding variable s")
 
 
@@ -34,11 +34,11 @@ def disturbance(flight: Flight) -> Drawing:
     """The observer's Z3 of every commanded vehicle; in a simulation the true disturbance dashed beneath."""
     if not len(flight.command):
         return Missing("no control command was recorded")
-    z3 = flight.command.column(lambda c: c.dist_lab_m_s2)
+    z3 = flight.command["dist_lab_m_s2"]
 
     def truth(vehicle: Vehicle) -> tuple[Float, Float] | None:
         known = flight.truth.get(vehicle.sysid or 0)
-        return None if known is None else (known.t_s, known.column(lambda t: t.dist_lab_m_s2))
+        return None if known is None else (known.t_s, known["dist_lab_m_s2"])
 
     title = "Disturbance estimate Z3" + (" (dashed: true external disturbance)" if flight.truth else "")
     return _three(flight, flight.command.t_s, z3, "Z3", "m/s²", title, truth)
@@ -48,7 +48,7 @@ def output(flight: Flight) -> Drawing:
     """Demanded acceleration, thrust, and which limits were met when."""
     if not len(flight.command):
         return Missing("no control command was recorded")
-    acc = flight.command.column(lambda c: c.acc_lab_m_s2)
+    acc = flight.command["acc_lab_m_s2"]
     fig, column = style.Sheet(6.4, (1.0, 1.0, 1.0, 1.0, 0.55)).axes()
     axes = [row[0] for row in column]
     _components(axes[:3], flight, flight.command.t_s, acc, "a", "m/s²")
@@ -120,7 +120,7 @@ def _central(values: Float) -> tuple[float, float]:
 
 def _thrust(ax: Axes, flight: Flight) -> None:
     """Commanded thrust of every commanded vehicle."""
-    thrust = flight.target.column(lambda t: t.thrust_norm)
+    thrust = flight.target["thrust_norm"]
     n = len(flight.vehicles)
     for vehicle, colour in zip(flight.vehicles, style.colours(n), strict=True):
         if vehicle.column is not None and len(flight.target):
@@ -133,7 +133,7 @@ def _limits(ax: Axes, flight: Flight) -> None:
     commanded = [v for v in flight.vehicles if v.column is not None]
     if not len(flight.target):
         return
-    bits = flight.target.column(lambda t: t.saturation).astype(np.int64)
+    bits = flight.target["saturation"].astype(np.int64)
     flying = in_formation_phase(flight, flight.target.t_s)
     colours = dict(zip(flight.vehicles, style.colours(len(flight.vehicles)), strict=True))
     for row, vehicle in enumerate(commanded):
@@ -167,7 +167,7 @@ def attitude(flight: Flight, tracking: Tracking) -> Drawing:
     chosen = worst_followers(tracking, 4)
     rows = (1.0,) * len(chosen)
     fig, grid = style.Sheet(0.6 + 1.6 * len(chosen), rows, (1.2, 1.2, 1.0), gap_in=(0.34, 0.8), share_x="col").axes()
-    wanted = np.degrees(roll_pitch(flight.target.column(lambda t: t.q_lab_from_flu)))
+    wanted = np.degrees(roll_pitch(flight.target["q_lab_from_flu"]))
     measured = np.degrees(roll_pitch(flight.poses.q_lab_from_flu[:, 1:]))
     start_s = _liveliest(flight, wanted)
     colours = style.colours(len(flight.vehicles))
@@ -240,9 +240,7 @@ PANELS = (
 
 def link(flight: Flight) -> Drawing:
     """One panel for each quantity that a drone reported, one line for each drone."""
-    history_of = histories(
-        (round(t_s * 1e9), datagram) for t_s, datagram in zip(flight.up.t_s, flight.up.messages, strict=True)
-    )
+    history_of = histories(flight.up)
     known = [
         (name, label)
         for name, label in PANELS
@@ -275,7 +273,7 @@ def histograms(flight: Flight) -> Drawing:
         (
             "Control latency",
             "frame received → last datagram sent, ms",
-            1e3 * flight.timing.column(lambda t: t.latency_s),
+            1e3 * flight.timing["latency_s"],
         ),
         ("Frame spacing", "between mocap exposures, ms", 1e3 * np.diff(flight.poses.t_s)),
         ("Setpoint age", "camera → drone, ms", ages_ms(flight)),
@@ -308,8 +306,8 @@ def cycles(flight: Flight) -> Drawing:
     if not len(flight.timing):
         return Missing("no control cycle was timed")
     fig, [[ax]] = style.Sheet(2.1).axes()
-    ms = 1e3 * flight.timing.column(lambda t: t.latency_s)
-    late = flight.timing.column(lambda t: t.late) > 0.5
+    ms = 1e3 * flight.timing["latency_s"]
+    late = flight.timing["late"]
     style.line(ax, flight.timing.t_s, ms, color="#7d98b5", lw=0.8)
     ax.plot(flight.timing.t_s[late], ms[late], "o", ms=5, mfc="none", mec=style.ALARM, label=f"late: {int(late.sum())}")
     ax.set(title="Latency of every cycle", ylabel="ms", yscale="log")

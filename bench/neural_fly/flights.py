@@ -180,9 +180,9 @@ def fly(job: Job) -> Score:
     truth, path = flight.truth[FOLLOWER_SYSID], reference_lab_m(flight.reference)[:, 0] + np.array(BESIDE_M)
     # The trajectory began between two frames: the reference in the log knows when, to the nanosecond.
     wanted_m = [np.interp(truth.t_s, flight.reference.t_s, path[:, axis]) for axis in range(3)]
-    since_s = np.array([m.t_ns - wind.start_ns for m in truth.messages]) * 1e-9
+    since_s = (truth["t_ns"] - wind.start_ns) * 1e-9
     judged = (since_s > SETTLED_S) & (since_s < recording.t_s[-1])
-    error_m = truth.column(lambda m: m.pos_lab_m) - np.stack(wanted_m, axis=-1)
+    error_m = truth["pos_lab_m"] - np.stack(wanted_m, axis=-1)
     return score(flown.outcome.result, error_m[judged])
 
 

@@ -54,7 +54,7 @@ def _latest_s(flight: Flight, end_s: float) -> float:
     lately = (flight.poses.received_s > end_s - LATELY_S) & (flight.poses.received_s <= end_s + LATELY_S)
     cycles = flight.timing.where(np.abs(flight.timing.t_s - end_s) < LATELY_S)
     pose_s = float((delays_s[lately] - np.median(delays_s)).max()) if lately.any() else 0.0
-    return max(pose_s, *(cycle.latency_s for cycle in cycles.messages), 0.0)
+    return max(pose_s, float(cycles["latency_s"].max(initial=0.0)))
 
 
 def _joined(host: Outcome, log: Outcome) -> Outcome:

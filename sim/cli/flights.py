@@ -46,7 +46,7 @@ from wire import clock
 from wire.config_file import lines_of
 from wire.errors import ConfigError
 from wire.files import make_folder, run_folder
-from wire.logs.mcap_read import LogError
+from wire.logs.mcap_scan import LogError
 from wire.process.daemon import STARVED, StarvedError
 from wire.process.output import dropping_output
 from wire.process.program import print_json_error

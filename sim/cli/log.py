@@ -31,7 +31,8 @@ def replay(log: LogPath, as_json: Json = False) -> None:
     """Feed a flight's inputs to the ground's core again: is every output the same, bit by bit?"""
     from gcs.replay import ReplayError
     from gcs.replay import replay as replay_log
-    from wire.logs.mcap_read import LogError, read_log
+    from wire.logs.mcap_read import read_log
+    from wire.logs.mcap_scan import LogError
 
     try:
         result = replay_log(read_log(log))

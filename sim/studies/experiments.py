@@ -177,6 +177,6 @@ def _trace(flight: Flight) -> Trace:
         tracking.t_s[shown] - start_s,
         flight.poses.pos_lab_m[at_pose, :, :2],
         tracking.error_lead_m[shown, :, :2],
-        truth.column(lambda m: m.dist_lab_m_s2[0])[at_truth],
-        flight.state.column(lambda m: m.dist_lab_m_s2[1, 0])[at_state],
+        truth["dist_lab_m_s2"][:, 0][at_truth],
+        flight.state["dist_lab_m_s2"][:, 1, 0][at_state],
     )

@@ -54,9 +54,9 @@ def gust_numbers(flight: Flight, scenario: Scenario) -> GustNumbers:
         return GustNumbers()
     slot = np.array(scenario.leader.pose.pos_lab_m) + np.array(follower.offset_m)
     t_s = truth.t_s[blowing]
-    deviation_m = np.abs(truth.column(lambda m: m.pos_lab_m)[blowing, 0] - slot[0])
-    push = truth.column(lambda m: m.dist_lab_m_s2)[:, 0]
-    estimated = flight.state.column(lambda m: m.dist_lab_m_s2[1, 0])
+    deviation_m = np.abs(truth["pos_lab_m"][blowing, 0] - slot[0])
+    push = truth["dist_lab_m_s2"][:, 0]
+    estimated = flight.state["dist_lab_m_s2"][:, 1, 0]
     during = (flight.state.t_s >= fan.start_s) & (flight.state.t_s <= end_s)
     error = (estimated - push[nearest(truth.t_s, flight.state.t_s)])[during]
     rms = float(np.sqrt(np.mean(error**2)))
@@ -119,5 +119,5 @@ def _sent_in_calm(flight: Flight, formation_s: float, gust_s: float, attitude_p_
     """The chatter in hover, before the gust."""
     target = flight.target
     calm = (target.t_s > formation_s + HOVER_CALM_S) & (target.t_s < gust_s)
-    q = target.column(lambda m: m.q_lab_from_flu[0])[calm]
-    return chatter_deg(q, target.column(lambda m: m.rate_flu_rad_s[0])[calm], attitude_p_1_s)
+    q = target["q_lab_from_flu"][:, 0][calm]
+    return chatter_deg(q, target["rate_flu_rad_s"][:, 0][calm], attitude_p_1_s)

@@ -75,8 +75,8 @@ def settling(flight: Flight, outcome: str) -> Settling:
         return Settling(outcome)
     pushed: Bool = (truth.t_s >= BEGIN_S) & (truth.t_s < spans[0].end_s)
     t_s = truth.t_s[pushed] - BEGIN_S
-    pos = truth.column(lambda m: m.pos_lab_m)[pushed]
-    angle_deg = swing(truth.column(lambda m: m.q_lab_from_flu)[pushed], t_s >= t_s[-1] - LATE_S)
+    pos = truth["pos_lab_m"][pushed]
+    angle_deg = swing(truth["q_lab_from_flu"][pushed], t_s >= t_s[-1] - LATE_S)
     return Settling(
         outcome,
         float(angle_deg[t_s >= t_s[-1] - LATE_S].max()),

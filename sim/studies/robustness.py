@@ -187,8 +187,8 @@ def _left_fence(flight: Flight, fence: Fence) -> bool:
     low, high = np.array(fence.low_m), np.array(fence.high_m)
     aloft = flight.spans(Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND)
     for truth in flight.truth.values():
-        pos, stands = truth.column(lambda m: m.pos_lab_m), truth.column(lambda m: m.on_ground)
-        outside: Bool = np.any((pos < low) | (pos > high), axis=-1) & ~stands.astype(np.bool_)
+        pos, stands = truth["pos_lab_m"], truth["on_ground"]
+        outside: Bool = np.any((pos < low) | (pos > high), axis=-1) & ~stands
         if any(outside[(truth.t_s >= span.start_s) & (truth.t_s <= span.end_s)].any() for span in aloft):
             return True
     return False

@@ -30,7 +30,7 @@ from formation.topics import Topic
 from tests.analysis.synthetic_flight import LAB, METADATA, T0_NS, Recipe, Record, records, written
 from wire.link_messages import GROUND, Address, AttitudeSetpoint, Ignore, NamedValue
 from wire.logs import mcap_read
-from wire.logs.mcap_read import Damage
+from wire.logs.mcap_scan import Damage
 from wire.logs.mcap_write import LogWriter
 from wire.mavlink.codec import Codec
 
@@ -263,13 +263,13 @@ def test_a_truncated_log_is_reported_and_says_so(cut: Path, tmp_path: Path):
 @pytest.mark.parametrize("command", ["report", "check"])
 def test_a_log_is_read_once(command: str, cut: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Its damage was told in a second reading."""
-    read, opened = mcap_read._entries, list[Path]()
+    scan, opened = mcap_read.scan, list[Path]()
 
-    def entries(path: Path, damage: Damage):
+    def scanned(path: Path, damage: Damage):
         opened.append(path)
-        return read(path, damage)
+        return scan(path, damage)
 
-    monkeypatch.setattr(mcap_read, "_entries", entries)
+    monkeypatch.setattr(mcap_read, "scan", scanned)
     monkeypatch.setattr(report_page, "html", lambda *_: "page")
     out = ["--out", str(tmp_path / "r.html")] if command == "report" else []
     done = CliRunner().invoke(app, [command, str(cut), *out, "--json"])

@@ -9,8 +9,9 @@ from formation.messages import Phase, Verb
 from gcs.recording import Recorder, outputs, run_metadata
 from gcs.replay import ReplayError, first_difference, replay
 from tests.gcs.fakes import T0_NS, FakeLab, triangle
-from wire.logs.mcap_read import Entry, read_log
+from wire.logs.mcap_read import Entry, Stored, read_log
 from wire.logs.mcap_write import LogWriter
+from wire.schema import schema_of
 
 CONFIG = triangle(
     leader={
@@ -49,6 +50,12 @@ class MemoryLog:
     metadata: dict[str, str]
     entries: list[Entry]
     left_out: dict[str, frozenset[str]] = field(default_factory=dict)
+
+    def stored(self, *wanted):
+        for entry in self.entries:
+            if entry.topic in wanted:
+                schema = schema_of(entry.topic.type)
+                yield Stored(entry.topic, entry.t_ns, schema.encode(entry.message), schema.own)
 
 
 def _flown(record) -> FakeLab:

@@ -50,8 +50,8 @@ def _all_landed_softly(flight: Flight) -> bool:
     """Every drone at rest and disarmed at the end, and none was faster than a landing near the floor."""
     soft = True
     for track in flight.truth.values():
-        soft &= all(t.vel_lab_m_s[2] > -1.0 for t in track.messages if t.pos_lab_m[2] < 0.1)
-        soft &= track.messages[-1].on_ground and not track.messages[-1].armed
+        soft &= bool((track["vel_lab_m_s"][track["pos_lab_m"][:, 2] < 0.1, 2] > -1.0).all())
+        soft &= bool(track["on_ground"][-1] and not track["armed"][-1])
     return soft
 
 

@@ -100,11 +100,12 @@ def test_a_log_of_an_older_version_is_read_by_the_names_of_its_fields():
     files = descriptor_pb2.FileDescriptorSet.FromString(old.descriptor_set)
     files.file[0].message_type[0].name = "Second"
     vectors = np.arange(6.0).reshape(2, 3)
-    read = renamed.decoder(files.SerializeToString())(old.encode(First(7, 1.5, vectors)))
+    written = renamed.written(files.SerializeToString())
+    read = written.decode(old.encode(First(7, 1.5, vectors)))
     assert (read.a, read.new, read.colour, read.maybe) == (7, "", Colour.BLUE, None)
     np.testing.assert_array_equal(read.v, vectors)
-    assert renamed.left_out(files.SerializeToString()) == {"new", "colour", "maybe", "s"}
-    assert renamed.left_out(renamed.descriptor_set) == frozenset()
+    assert written.left_out == {"new", "colour", "maybe", "s"}
+    assert renamed.written(renamed.descriptor_set).left_out == frozenset()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,14 +125,14 @@ def test_arrays_in_single_precision_are_read_as_they_were_written_before_and_sin
     assert now.decode(data).v.dtype == np.float64
     files = descriptor_pb2.FileDescriptorSet.FromString(before.descriptor_set)
     files.file[0].message_type[0].name = "Third"
-    read = now.decoder(files.SerializeToString())(before.encode(First(7, 1.5, vectors)))
+    read = now.written(files.SerializeToString()).decode(before.encode(First(7, 1.5, vectors)))
     np.testing.assert_array_equal(read.v, vectors)
 
 
 def test_a_schema_that_is_none_is_the_one_error():
     for data in (b"\xff\xff\xff", b"", Schema(First).descriptor_set):
         with pytest.raises(SchemaError):
-            Schema(Second).decoder(data)
+            Schema(Second).written(data)
 
 
 def test_an_absent_value_stays_absent():

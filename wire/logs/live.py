@@ -19,7 +19,7 @@ from mcap.records import Channel, Chunk, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
-from wire.logs.mcap_read import uncompressed
+from wire.logs.mcap_scan import uncompressed
 
 END = struct.pack("<BQI", Opcode.DATA_END, 4, 0) + struct.pack("<BQ20x", Opcode.FOOTER, 20) + MCAP0_MAGIC
 """What makes a log of a head and a chunk."""

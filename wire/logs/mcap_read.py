@@ -1,289 +1,43 @@
-"""Logs read back: whole, truncated or damaged MCAP files, in file order, with a plain account of what is missing.
+"""Logs read back, topic by topic as columns or message by message in the order of the file.
 
-Every chunk stands alone behind a checksum. The scan skips and reports a chunk whose checksum is wrong; it guesses
-nothing. The file's size bounds the work, whatever the file holds: each byte is searched once, each offset is checked
-once, and the size of unpacked data is counted before unpacking.
+A file is read in one pass and in bounded memory: its chunks are unpacked and put together to blocks, whose messages
+are found by one walk. Only what is asked for is decoded. What cannot be read is counted and reported.
 """
 
-import mmap
-import re
 import struct
-import zlib
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field
-from io import BytesIO
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-import lz4.frame
-import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import EndOfFile
+import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, DataEnd, Footer, Metadata, Schema
-from mcap.writer import MCAP0_MAGIC
-from pydantic import ValidationError
+from mcap.records import Channel, Metadata, Schema
+from numpy.typing import NDArray
 
 from formation import topics
 from formation.clock_pair import ClockPair
-from formation.config import LabConfig
+from formation.maths.arrays import Bool
 from formation.topics import Topic
-from wire.schema import SchemaError, schema_of
-from wire.text import plain
+from wire.columns import Column, Gathered, Index, joined, windows
+from wire.logs.mcap_scan import Damage, LogError, Messages, scan
+from wire.schema import SchemaError, Written, schema_of
 
-_FOOTER_SIZE = 9 + 20
-# A chunk's compression, so far behind the chunk's first byte: what a search for the next one looks for.
-_PACKED = re.compile(rb"[\3\4]\0\0\0(?:zstd|lz4)")
-_PACKED_OFFSET = 9 + 8 + 8 + 8 + 4
-_MALFORMED = (OverflowError, EndOfFile, struct.error, UnicodeDecodeError)
-CHUNK_MOST = 1 << 26
-"""Bytes of one chunk unpacked."""
-WORK_LEAST, WORK_A_BYTE = 1 << 26, 100
-"""Bytes unpacked in all: these, and so many more for each byte of the file; our logs unpack to few times their size."""
-RECORDS_LEAST, BYTES_A_RECORD = 1 << 17, 4
-"""Records read in all: these, and one more for so many bytes of the file."""
-_NOTES = 5
-_KINDS: dict[int, type[Schema | Channel | Metadata | DataEnd]] = {
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.METADATA: Metadata,
-    Opcode.DATA_END: DataEnd,
-}
+if TYPE_CHECKING:  # what looks at arrays alone waits for no configuration
+    from formation.config import LabConfig
 
-
-class LogError(ValueError):
-    """A file that holds no log at all."""
-
-
-@dataclass(frozen=True, slots=True)
-class Messages:
-    """The records inside a chunk whose checksum was right."""
-
-    raw: bytes
-
-
-Record = Schema | Channel | Metadata | Messages
-
-
-@dataclass(slots=True)
-class Damage:
-    """What was found wrong so far; the first faults are kept in words, all are counted."""
-
-    notes: list[str] = field(default_factory=list)
-    faults: int = 0
-    finished: bool = False
-    sequence: int = 0
-    missing: int = 0
-    records_left: int = RECORDS_LEAST
-
-    def note(self, text: str) -> None:
-        """One more fault."""
-        self.faults += 1
-        if len(self.notes) < _NOTES:
-            self.notes.append(text)
-
-    def text(self) -> str:
-        """One line; empty for a sound file."""
-        more = self.faults - len(self.notes)
-        return "; ".join([*self.notes, *([f"and {more} more"] if more else [])])
-
-
-def scan(path: Path, damage: Damage) -> Iterator[Record]:
-    """The records that matter, in file order; those of a sound summary first, as they repeat what may be damaged."""
-    with path.open("rb") as file:
-        if file.seek(0, 2) == 0:
-            raise LogError(f"{path}: empty")
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            scanner = _Scanner(data, damage)
-            damage.records_left = RECORDS_LEAST + len(data) // BYTES_A_RECORD
-            try:
-                if data[:8] != MCAP0_MAGIC and scanner.next_chunk(0, len(data)) is None:
-                    raise LogError(f"{path}: not an MCAP file")
-                yield from _summary(data)
-                yield from scanner.records()
-            except _TooMuchError:
-                damage.note(f"it would unpack to more than {scanner.allowed} bytes, which no log of its size holds")
-
-
-def _summary(data: mmap.mmap) -> Iterator[Schema | Channel]:
-    """Schemas and channels of the summary section, if it is there and its checksum is right."""
-    footer_at = len(data) - len(MCAP0_MAGIC) - _FOOTER_SIZE
-    if footer_at < 0 or data[-8:] != MCAP0_MAGIC or data[footer_at] != Opcode.FOOTER:
-        return
-    footer = Footer.read(ReadDataStream(BytesIO(data[footer_at + 9 : footer_at + _FOOTER_SIZE])))
-    start = footer.summary_start
-    if not 0 < start <= footer_at:
-        return
-    if footer.summary_crc != zlib.crc32(data[start : footer_at + _FOOTER_SIZE - 4]):
-        return
-    for at, opcode, stop in _walk(data, start, footer_at):
-        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            record = _parse(opcode, data[at + _HEAD.size : stop])
-            if isinstance(record, Schema | Channel):
-                yield record
-
-
-def _walk(data: mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int, int]]:
-    """(position, opcode, position behind it) of the records from `at`, as long as they fit before `end`."""
-    while at + _HEAD.size <= end:
-        opcode, length = _HEAD.unpack_from(data, at)
-        stop = at + _HEAD.size + length
-        if stop > end:
-            return
-        yield at, opcode, stop
-        at = stop
-
-
-class _TooMuchError(Exception):
-    """The file asks for more work than its size can be worth."""
-
-
-class _Scanner:
-    """One pass over one file."""
-
-    def __init__(self, data: mmap.mmap, damage: Damage) -> None:
-        self.allowed = WORK_LEAST + WORK_A_BYTE * len(data)
-        self._data = data
-        self._damage = damage
-        self._left = self.allowed
-        self._unsound: set[int] = set()
-        self._last: tuple[int, Messages] | None = None
-
-    def records(self) -> Iterator[Record]:
-        """The data section's records, skipping from damage to the next sound chunk. Raises _TooMuchError."""
-        data, damage = self._data, self._damage
-        at = len(MCAP0_MAGIC)
-        if data[:at] != MCAP0_MAGIC:
-            damage.note("the file does not start as an MCAP file")
-        end = len(data)
-        while at < end:
-            reached = at
-            sound = True
-            for position, opcode, stop in _walk(data, at, end):
-                record = self._record(position, opcode, stop)
-                if record is None:
-                    sound = False
-                    break
-                reached = stop
-                if isinstance(record, DataEnd):
-                    if not damage.faults and record.data_section_crc not in (0, _crc(data, position)):
-                        damage.note("the checksum of the whole is wrong")
-                    damage.finished = data[-8:] == MCAP0_MAGIC
-                    return
-                if not isinstance(record, bytes):
-                    yield record
-            following = self.next_chunk(reached + 1, end)
-            if following is None:
-                lost = end - reached
-                if lost:
-                    damage.note(f"the last {lost} bytes cannot be read" if sound else f"{lost} bytes damaged")
-                return
-            damage.note(f"bytes {reached} to {following} cannot be read")
-            at = following
-
-    def next_chunk(self, start: int, end: int) -> int | None:
-        """Position of the next sound chunk between `start` and `end`. Raises _TooMuchError."""
-        for found in _PACKED.finditer(self._data, start + _PACKED_OFFSET, end):
-            position = found.start() - _PACKED_OFFSET
-            if self._chunk(position) is not None:
-                return position
-        return None
-
-    def _record(self, position: int, opcode: int, stop: int) -> Record | DataEnd | bytes | None:
-        """The record, its bytes where it does not matter here, None if it is damaged."""
-        if opcode == Opcode.CHUNK:
-            return self._chunk(position)
-        # A record that swallows a sound chunk is none: its length is damaged.
-        if self.next_chunk(position + 1, stop) is not None:
-            return None
-        if opcode == Opcode.MESSAGE:  # as a log without chunks holds it
-            return Messages(self._data[position:stop])
-        return _parse(opcode, self._data[position + _HEAD.size : stop])
-
-    def _chunk(self, position: int) -> Messages | None:
-        """The records of the chunk at `position`, None if there is no sound one."""
-        if self._last is not None and self._last[0] == position:
-            return self._last[1]
-        if position in self._unsound:
-            return None
-        found = self._unpack(position)
-        if found is None:
-            self._unsound.add(position)
-        else:
-            self._last = position, found
-        return found
-
-    def _unpack(self, position: int) -> Messages | None:
-        data = self._data
-        opcode, length = _HEAD.unpack_from(data, position)
-        stop = position + _HEAD.size + length
-        if opcode != Opcode.CHUNK or stop > len(data):
-            return None
-        self._spend(length)
-        stream = ReadDataStream(BytesIO(data[position + _HEAD.size : stop]))
-        try:
-            chunk = Chunk.read(stream)
-        except _MALFORMED:
-            return None
-        if stream.count != length or chunk.uncompressed_size > CHUNK_MOST:
-            return None
-        self._spend(chunk.uncompressed_size)
-        if chunk.compression not in ("", "zstd", "lz4"):
-            self._damage.note(f"chunks are packed by {plain(chunk.compression, 20)}; read are zstd, lz4 and none")
-        raw = uncompressed(chunk)
-        crc = chunk.uncompressed_crc
-        if raw is None or len(raw) != chunk.uncompressed_size or (crc and zlib.crc32(raw) != crc):
-            return None
-        return Messages(raw)
-
-    def _spend(self, work: int) -> None:
-        self._left -= work
-        if self._left < 0:
-            raise _TooMuchError
-
-
-def _crc(data: mmap.mmap, end: int) -> int:
-    with memoryview(data) as whole, whole[:end] as part:
-        return zlib.crc32(part)
-
-
-def _parse(opcode: int, body: bytes) -> Schema | Channel | Metadata | DataEnd | bytes | None:
-    """A record that is no chunk, its bytes where it does not matter here, None if it is damaged."""
-    kind = _KINDS.get(opcode)
-    if kind is None:
-        return body if Opcode.HEADER <= opcode <= Opcode.SUMMARY_OFFSET else None
-    try:
-        record: Schema | Channel | Metadata | DataEnd = kind.read(ReadDataStream(BytesIO(body)))
-    except _MALFORMED:
-        return None
-    return record
-
-
-def uncompressed(chunk: Chunk) -> bytes | None:
-    """The chunk's bytes, None where they are packed otherwise or not as many as they say."""
-    size = chunk.uncompressed_size
-    try:
-        if chunk.compression == "lz4":
-            unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size)
-            return unpacked
-        if chunk.compression != "zstd":
-            return chunk.data if not chunk.compression else None
-        # zstd allocates the size in a frame's header, whatever max_output_size is: check the header first.
-        if zstandard.frame_content_size(chunk.data) not in (-1, size):
-            return None
-        return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
-    except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
-        return None
-
-
+M = TypeVar("M")
 START_MONOTONIC, START_UNIX = "start_monotonic_ns", "start_unix_ns"
 """Where a run's metadata say which date its stamps begin at; a log before version 0.2 says nothing of it."""
+BLOCK = 1 << 25
+"""Bytes of messages that are looked at together."""
 _TOPICS = {topic.name: topic for topic in topics.ALL}
-_ALL = frozenset(topics.ALL)
-_HEAD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<HIQQ")
+_RECORD = struct.Struct("<xQ")
+_MESSAGE = np.dtype(
+    [("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("unix_ns", "<u8"), ("sent", "<u8")]
+)
+_FIXED = _MESSAGE.itemsize - _RECORD.size
+"""Of a message's length what is not its data."""
 _BACKWARDS = 1 << 31
 
 
@@ -294,6 +48,27 @@ class Entry:
     topic: Topic
     t_ns: int
     message: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """One message as the log holds it, not decoded."""
+
+    topic: Topic
+    t_ns: int
+    raw: bytes
+    written: Written[Any]
+
+    @property
+    def message(self) -> Any:
+        """The message; SchemaError."""
+        return self.written.decode(self.raw)
+
+    @property
+    def data(self) -> bytes:
+        """As this version writes it; SchemaError."""
+        schema = schema_of(self.topic.type)
+        return self.raw if self.written is schema.own else schema.encode(self.message)
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,6 +86,38 @@ class LogCheck:
     closed: bool
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class TopicColumns:
+    """The messages (T,) of one topic. t_ns (T,): when each was recorded; number (T,): its place among all messages."""
+
+    t_ns: Index
+    number: Index
+    fields: Mapping[str, Column]
+
+    def where(self, chosen: Bool) -> "TopicColumns":
+        """Some of them; chosen (T,)."""
+        if chosen.all():
+            return self
+        fields = {name: column.where(chosen) for name, column in self.fields.items()}
+        return TopicColumns(self.t_ns[chosen], self.number[chosen], fields)
+
+    def messages(self, kind: type[M]) -> list[M]:
+        """The messages themselves; all their fields must be there, and none an array."""
+        return [kind(*row) for row in zip(*(column.values.tolist() for column in self.fields.values()), strict=True)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LogColumns:
+    """What was asked of a log: by topic those that hold anything. begin_ns: when its first message was recorded; count:
+    of its messages, of any topic of ours."""
+
+    metadata: Mapping[str, str]
+    begin_ns: int
+    count: int
+    topics: Mapping[Topic, TopicColumns]
+    check: LogCheck
+
+
 @dataclass(frozen=True, slots=True)
 class Log:
     """A log file: the metadata of its run, and its entries. A damaged file gives what is left of it."""
@@ -321,27 +128,23 @@ class Log:
     @property
     def entries(self) -> Iterator[Entry]:
         """The entries in file order, from the start, each time it is asked for."""
-        return _entries(self.path, Damage())
+        return self.only(*topics.ALL)
+
+    def only(self, *wanted: Topic) -> Iterator[Entry]:
+        """The entries of these topics, in file order; the others are not decoded."""
+        return _entries(self.path, Damage(), wanted)
+
+    def stored(self, *wanted: Topic) -> Iterator[Stored]:
+        """The same, of which none is decoded; the file's messages that hold none are among them."""
+        return _stored(self.path, Damage(), wanted)
 
     @property
     def left_out(self) -> Mapping[str, frozenset[str]]:
         """By topic, the names of the fields that the version which wrote the log did not record."""
-        schemas: dict[int, Schema] = {}
-        found: dict[str, frozenset[str]] = {}
-        for record in scan(self.path, Damage()):
-            if isinstance(record, Schema):
-                schemas.setdefault(record.id, record)
-            elif isinstance(record, Channel) and record.topic in _TOPICS and record.schema_id in schemas:
-                with suppress(SchemaError):
-                    schema = schema_of(_TOPICS[record.topic].type)
-                    found[record.topic] = schema.left_out(schemas[record.schema_id].data)
-            elif isinstance(record, Messages):
-                break
-        return found
-
-    def only(self, *wanted: Topic) -> Iterator[Entry]:
-        """The entries of these topics, in file order; the others are not decoded."""
-        return _entries(self.path, Damage(), frozenset(wanted))
+        reading = _Reading(self.path, Damage())
+        next(reading.blocks(), None)
+        readers = [reader for reader in reading.readers.values() if reader is not None]
+        return {reader.topic.name: reader.written.left_out for reader in readers}
 
 
 def read_log(path: Path) -> Log:
@@ -360,78 +163,218 @@ def holds_nothing(path: Path, damage: str = "") -> LogError:
     return LogError(f"{path}: no message of a flight in it" + (f": {damage}" if damage else ""))
 
 
-class Reading:
-    """One pass through a log that gives its entries and, once they are read, says what the file holds.
+def read_columns(path: Path, wanted: Mapping[Topic, Collection[str]]) -> LogColumns:
+    """Read a log, whole or damaged, in one pass. wanted: by topic the names of the fields; of those topics all messages
+    are checked, and no other topic is counted.
 
-    Raises OSError, and LogError if the file is no MCAP file, as it is read.
+    Raises OSError, and LogError if the file is no MCAP file.
     """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._damage = Damage()
-        self._counts: Counter[str] = Counter()
-        self._first_ns: int | None = None
-        self._last_ns: int | None = None
-
-    def __iter__(self) -> Iterator[Entry]:
-        """The entries in file order; once only."""
-        for entry in _entries(self._path, self._damage):
-            t_ns = entry.t_ns
-            self._counts[entry.topic.name] += 1
-            self._first_ns = t_ns if self._first_ns is None else min(self._first_ns, t_ns)
-            self._last_ns = t_ns if self._last_ns is None else max(self._last_ns, t_ns)
-            yield entry
-        if self._damage.missing > 0:
-            self._damage.note(f"{self._damage.missing} messages are missing")
-        if not self._damage.finished:
-            self._damage.note("the file was not closed: it has no summary")
-
-    def check(self) -> LogCheck:
-        """The counts, times and damage of the file, from the entries read so far."""
-        damage = self._damage
-        counts, complete = dict(self._counts), not damage.faults
-        return LogCheck(counts, self._first_ns, self._last_ns, complete, damage.text(), damage.finished)
+    damage = Damage()
+    reading, parts = _Reading(path, damage), dict[Topic, list[TopicColumns]]()
+    begin_ns, number = 0, 0
+    for block in reading.blocks():
+        if not number and len(block.t_ns):
+            begin_ns = int(block.t_ns[0])
+        for topic, names in wanted.items():
+            part = _gathered(block, reading.of((topic,)), names, damage, number)
+            if len(part.t_ns):
+                parts.setdefault(topic, []).append(part)
+        number += len(block.t_ns)
+    found = {topic: _end_to_end(parts.pop(topic)) for topic in list(parts)}
+    return LogColumns(reading.metadata, begin_ns, number, found, _check(found, damage))
 
 
-def _entries(path: Path, damage: Damage, wanted: frozenset[Topic] = _ALL) -> Iterator[Entry]:
-    """The entries of the wanted ones of our topics; channels of others (Foxglove's views) are passed over."""
-    schemas: dict[int, Schema] = {}
-    readers: dict[int, _Reader | None] = {}
-    made: dict[tuple[str, int], _Reader | None] = {}
-    ahead_ns = 0
-    for record in scan(path, damage):
-        if isinstance(record, Metadata):
-            if (lost := record.metadata.get("lost", "0")) != "0":
-                damage.note(f"{lost} messages were dropped while recording")
-            ahead_ns = clock_of(record.metadata, damage).ahead_ns or ahead_ns
-        elif isinstance(record, Schema):
-            schemas.setdefault(record.id, record)
-        elif isinstance(record, Channel):
-            if record.id not in readers:
-                key = (record.topic, record.schema_id)  # many channels may share one large schema
-                if key not in made:
-                    made[key] = _reader(record, schemas, damage, wanted)
-                readers[record.id] = made[key]
-        elif isinstance(record, Messages):
-            for channel, unix_ns, data in _messages(record, damage):
-                t_ns = unix_ns - ahead_ns
-                if channel not in readers:
-                    damage.note(f"messages of channel {channel}, which the file does not describe")
-                    readers[channel] = None
-                reader = readers[channel]
-                if reader is None:
+def _end_to_end(parts: Sequence[TopicColumns]) -> TopicColumns:
+    return TopicColumns(
+        np.concatenate([part.t_ns for part in parts]),
+        np.concatenate([part.number for part in parts]),
+        {name: joined([part.fields[name] for part in parts]) for name in parts[0].fields},
+    )
+
+
+def _check(found: Mapping[Topic, TopicColumns], damage: Damage) -> LogCheck:
+    if damage.missing > 0:
+        damage.note(f"{damage.missing} messages are missing")
+    if not damage.finished:
+        damage.note("the file was not closed: it has no summary")
+    first_ns = min((int(of_one.t_ns.min()) for of_one in found.values()), default=None)
+    last_ns = max((int(of_one.t_ns.max()) for of_one in found.values()), default=None)
+    counts = {topic.name: len(of_one.t_ns) for topic, of_one in found.items()}
+    return LogCheck(counts, first_ns, last_ns, not damage.faults, damage.text(), damage.finished)
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    topic: Topic
+    written: Written[Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    """The messages (M,) of our topics in a piece of a file. starts, lengths: where in `data` their own data are."""
+
+    data: bytes
+    channels: NDArray[np.uint16]
+    t_ns: Index
+    starts: Index
+    lengths: Index
+
+
+class _Reading:
+    """One pass through a file. readers: by channel, as far as it is read; None of those that are not ours."""
+
+    def __init__(self, path: Path, damage: Damage) -> None:
+        self.metadata: Mapping[str, str] = {}
+        self.readers: dict[int, _Reader | None] = {}
+        self._path, self._damage = path, damage
+        self._schemas: dict[int, Schema] = {}
+        self._made: dict[tuple[str, int], _Reader | None] = {}
+        self._ahead_ns = 0
+
+    def blocks(self) -> Iterator[_Block]:
+        """Its messages, in file order."""
+        damage, pieces, size = self._damage, list[bytes](), 0
+        for record in scan(self._path, damage):
+            if isinstance(record, Messages):
+                pieces.append(record.raw)
+                size += len(record.raw)
+                if size < BLOCK:
                     continue
-                try:
-                    yield Entry(reader.topic, t_ns, reader.decode(data))
-                except SchemaError as error:
-                    damage.note(f"{reader.topic.name} at {t_ns}: {error}")
+            if pieces:
+                yield from self._block(pieces)
             if not damage.records_left:
                 damage.note("it holds more records than any log of its size: the rest is not read")
                 return
+            pieces, size = [], 0
+            if not isinstance(record, Messages):
+                self._learn(record)
+        if pieces:
+            yield from self._block(pieces)
+
+    def of(self, topics: Collection[Topic]) -> dict[int, _Reader]:
+        """The channels of these topics."""
+        names = {topic.name for topic in topics}
+        return {number: reader for number, reader in self.readers.items() if reader and reader.topic.name in names}
+
+    def _learn(self, record: Schema | Channel | Metadata) -> None:
+        if isinstance(record, Metadata):
+            if (lost := record.metadata.get("lost", "0")) != "0":
+                self._damage.note(f"{lost} messages were dropped while recording")
+            self._ahead_ns = clock_of(record.metadata, self._damage).ahead_ns or self._ahead_ns
+            self.metadata = self.metadata or record.metadata
+        elif isinstance(record, Schema):
+            self._schemas.setdefault(record.id, record)
+        elif record.id not in self.readers:
+            key = (record.topic, record.schema_id)  # many channels may share one large schema
+            if key not in self._made:
+                self._made[key] = self._reader(record)
+            self.readers[record.id] = self._made[key]
+
+    def _reader(self, channel: Channel) -> _Reader | None:
+        topic, written = _TOPICS.get(channel.topic), self._schemas.get(channel.schema_id)
+        if topic is None:
+            return None
+        schema = schema_of(topic.type)
+        try:
+            return _Reader(topic, schema.own if written is None else schema.written(written.data))
+        except SchemaError as error:
+            self._damage.note(str(error))
+            return None
+
+    def _block(self, pieces: Sequence[bytes]) -> Iterator[_Block]:
+        """The block of these pieces; none where they hold no message of ours."""
+        starts = np.array(_walk(pieces, self._damage), np.int64)
+        data = b"".join([*pieces, bytes(_MESSAGE.itemsize)])
+        heads = windows(np.frombuffer(data, np.uint8), _MESSAGE.itemsize)[starts].view(_MESSAGE)
+        are_messages = (heads["opcode"] == Opcode.MESSAGE) & (heads["length"] >= _FIXED)
+        heads, starts = heads[are_messages], starts[are_messages]
+        _count_missing(heads["sequence"], self._damage)
+        for channel in np.unique(heads["channel"]).tolist():
+            if channel not in self.readers:
+                self._damage.note(f"messages of channel {channel}, which the file does not describe")
+                self.readers[channel] = None
+        ours = np.isin(heads["channel"], list(self.of(topics.ALL)))
+        heads, starts = heads[ours], starts[ours]
+        if len(heads):
+            lengths = heads["length"].astype(np.int64) - _FIXED
+            t_ns = heads["unix_ns"].astype(np.int64) - self._ahead_ns
+            yield _Block(data, heads["channel"], t_ns, starts + _MESSAGE.itemsize, lengths)
 
 
-def lab_of(metadata: Mapping[str, str]) -> LabConfig | None:
+def _walk(pieces: Sequence[bytes], damage: Damage) -> list[int]:
+    """Where in the pieces, put together, each whole record begins."""
+    starts = list[int]()
+    length_at, head, base = _RECORD.unpack_from, _RECORD.size, 0
+    for piece in pieces:
+        at, end, left = 0, len(piece), damage.records_left
+        while at + head <= end and left:
+            starts.append(base + at)
+            at += head + length_at(piece, at)[0]
+            left -= 1
+        if at > end:
+            starts.pop()
+        damage.records_left = left
+        base += end
+    return starts
+
+
+def _count_missing(sequences: NDArray[np.uint32], damage: Damage) -> None:
+    """Count what is missing by the messages' own numbers."""
+    if len(sequences) and sequences[0] == damage.sequence & 0xFFFFFFFF and (np.diff(sequences) == 1).all():
+        damage.sequence = int(sequences[-1]) + 1
+        return
+    for sequence in sequences.tolist():
+        ahead = (sequence - damage.sequence) & 0xFFFFFFFF
+        if ahead < _BACKWARDS:
+            damage.missing += ahead
+            damage.sequence = sequence + 1
+        else:  # public tools sort messages by time, or number none of them
+            damage.missing -= 1
+
+
+def _gathered(
+    block: _Block, readers: Mapping[int, _Reader], names: Collection[str], damage: Damage, number: int
+) -> TopicColumns:
+    """One topic's messages of a block. readers: its channels; number: of the block's first message."""
+    chosen = np.flatnonzero(np.isin(block.channels, list(readers)))
+    gathered, data = Gathered(names), np.frombuffer(block.data, np.uint8)
+    for channel, reader in readers.items():
+        indices = np.flatnonzero(block.channels[chosen] == channel)
+        index = chosen[indices]
+        gathered.receive(reader.written, data, indices, block.starts[index], block.lengths[index])
+    read, fields = gathered.columns()
+    for each, error in gathered.errors:
+        index = chosen[each]
+        damage.note(f"{readers[int(block.channels[index])].topic.name} at {block.t_ns[index]}: {error}")
+    return TopicColumns(block.t_ns[chosen[read]], number + chosen[read], fields)
+
+
+def _entries(path: Path, damage: Damage, wanted: Collection[Topic] = topics.ALL) -> Iterator[Entry]:
+    """The entries of the wanted ones of our topics; channels of others (Foxglove's views) are passed over."""
+    for stored in _stored(path, damage, wanted):
+        try:
+            yield Entry(stored.topic, stored.t_ns, stored.message)
+        except SchemaError as error:
+            damage.note(f"{stored.topic.name} at {stored.t_ns}: {error}")
+
+
+def _stored(path: Path, damage: Damage, wanted: Collection[Topic]) -> Iterator[Stored]:
+    reading = _Reading(path, damage)
+    for block in reading.blocks():
+        readers, data = reading.of(wanted), block.data
+        chosen = np.isin(block.channels, list(readers))
+        columns = (column[chosen].tolist() for column in (block.channels, block.t_ns, block.starts, block.lengths))
+        for channel, t_ns, start, length in zip(*columns, strict=True):
+            reader = readers[channel]
+            yield Stored(reader.topic, t_ns, data[start : start + length], reader.written)
+
+
+def lab_of(metadata: Mapping[str, str]) -> "LabConfig | None":
     """The lab that was flown; None where a run's metadata hold none that this version reads."""
+    from pydantic import ValidationError
+
+    from formation.config import LabConfig
+
     try:
         return LabConfig.model_validate_json(metadata.get("lab", ""))
     except ValidationError:
@@ -446,46 +389,3 @@ def clock_of(metadata: Mapping[str, str], damage: Damage | None = None) -> Clock
         if damage is not None:
             damage.note("the date at which it begins cannot be read")
         return ClockPair(0, 0)
-
-
-@dataclass(frozen=True, slots=True)
-class _Reader:
-    topic: Topic
-    decode: Callable[[bytes], Any]
-
-
-def _reader(
-    channel: Channel, schemas: Mapping[int, Schema], damage: Damage, wanted: frozenset[Topic]
-) -> _Reader | None:
-    topic = _TOPICS.get(channel.topic)
-    if topic is None or topic not in wanted:
-        return None
-    schema = schema_of(topic.type)
-    written = schemas.get(channel.schema_id)
-    if written is None or written.data == schema.descriptor_set:
-        return _Reader(topic, schema.decode)
-    try:
-        return _Reader(topic, schema.decoder(written.data))
-    except SchemaError as error:
-        damage.note(str(error))
-        return None
-
-
-def _messages(chunk: Messages, damage: Damage) -> Iterator[tuple[int, int, bytes]]:
-    """(channel, log time, data) of each message of a chunk."""
-    raw = chunk.raw
-    at = 0
-    while at + _HEAD.size <= len(raw) and damage.records_left:
-        damage.records_left -= 1
-        opcode, length = _HEAD.unpack_from(raw, at)
-        at += _HEAD.size
-        if opcode == Opcode.MESSAGE and _MESSAGE.size <= length <= len(raw) - at:
-            channel, sequence, t_ns, _ = _MESSAGE.unpack_from(raw, at)
-            ahead = (sequence - damage.sequence) & 0xFFFFFFFF
-            if ahead < _BACKWARDS:
-                damage.missing += ahead
-                damage.sequence = sequence + 1
-            else:  # public tools sort messages by time, or number none of them
-                damage.missing -= 1
-            yield channel, t_ns, raw[at + _MESSAGE.size : at + length]
-        at += length

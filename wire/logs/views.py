@@ -34,7 +34,7 @@ from formation.config import LabConfig
 from formation.maths.arrays import Float, Quats, Vec3s
 from formation.messages import Datagram
 from formation.topics import Topic
-from wire.link_messages import GROUND, Battery, ExtendedSysState, Heartbeat, LandedState, NamedValue, SysStatus
+from wire.link_messages import GROUND, Battery, ExtendedSysState, Heartbeat, LandedState, NamedValue, Packet, SysStatus
 from wire.logs import scene
 from wire.mavlink.codec import Codec
 from wire.schema import schema_of
@@ -189,21 +189,25 @@ class LinkView:
     def receive(self, datagram: Datagram, t_ns: int) -> None:
         """Receive a datagram of the drone."""
         for packet in self._codec.receive(datagram.data):
-            if packet.source.system != self._sysid:
-                continue
-            self._received_ns = t_ns
-            self._count(packet.seq)
-            match packet.message:
-                case Heartbeat() as heartbeat if packet.source.component == 1:
-                    self._armed, self._mode = heartbeat.armed, heartbeat.custom_mode
-                case SysStatus() as status:
-                    self._battery_v, self._battery = status.battery_v, _share(status.battery_remaining)
-                case Battery() as battery:
-                    self._battery_v, self._battery = sum(battery.cell_v), _share(battery.remaining)
-                case ExtendedSysState() as state:
-                    self._landed = state.landed
-                case NamedValue(name="age_ms") as age:
-                    self._age_ms = age.value
+            self.update(packet, t_ns)
+
+    def update(self, packet: Packet, t_ns: int) -> None:
+        """Receive a packet, of a message not in READS as UnknownMessage."""
+        if packet.source.system != self._sysid:
+            return
+        self._received_ns = t_ns
+        self._count(packet.seq)
+        match packet.message:
+            case Heartbeat() as heartbeat if packet.source.component == 1:
+                self._armed, self._mode = heartbeat.armed, heartbeat.custom_mode
+            case SysStatus() as status:
+                self._battery_v, self._battery = status.battery_v, _share(status.battery_remaining)
+            case Battery() as battery:
+                self._battery_v, self._battery = sum(battery.cell_v), _share(battery.remaining)
+            case ExtendedSysState() as state:
+                self._landed = state.landed
+            case NamedValue(name="age_ms") as age:
+                self._age_ms = age.value
 
     def now(self, t_ns: int) -> DroneLink:
         """The link state at `t_ns`."""

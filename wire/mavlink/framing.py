@@ -74,7 +74,7 @@ def layout(name: str, count: int, *, raw: str = "", extension: str = "") -> Layo
     raw: a four-byte field to keep as bytes. ValueError if these fields cannot be had.
     """
     message = getattr(dialect, f"MAVLink_{name.lower()}_message")
-    codes = _field_codes(message.unpacker.format)
+    codes = field_codes(message.unpacker.format)
     if raw:
         codes[message.ordered_fieldnames.index(raw)] = "4s"
     counts = [1 if code.endswith("s") else int(code[:-1] or 1) for code in codes]
@@ -96,7 +96,7 @@ def layout(name: str, count: int, *, raw: str = "", extension: str = "") -> Layo
     )
 
 
-def _field_codes(structure: str) -> list[str]:
+def field_codes(structure: str) -> list[str]:
     """ "<I4fB" -> ["I", "4f", "B"], one code a field; pymavlink writes only arrays with a count."""
     codes: list[str] = []
     count = ""
@@ -117,6 +117,11 @@ class Frame(NamedTuple):
     source: Address
     seq: int
     payload: bytes
+
+    @property
+    def head(self) -> int:
+        """Bytes before the payload."""
+        return _HEAD_1.size if self.data[0] == MAGIC_1 else _HEAD_2.size
 
 
 class FrameCutter:

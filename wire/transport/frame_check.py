@@ -42,11 +42,15 @@ def pose_fault(frame: LabFrame) -> str | None:
         return fault
     if frame.rejected.shape != frame.seen.shape:
         return "with unequal numbers of names and rejections"
-    off_unit = np.abs(np.einsum("ij,ij->i", frame.q_lab_from_flu, frame.q_lab_from_flu) - 1.0)
+    return None if are_poses(frame.pos_lab_m, frame.q_lab_from_flu) else "with a pose that is none"
+
+
+def are_poses(pos: Float, q: Float) -> Bool:
+    """Whether all poses (..., n) of a frame are ones, of each frame (...)."""
+    off_unit = np.abs(np.einsum("...j,...j->...", q, q) - 1.0)
     # Written so that NaN fails.
-    if not ((np.abs(frame.pos_lab_m) <= 2.0 * FARTHEST_M).all() and (off_unit <= UNIT_WITHIN).all()):
-        return "with a pose that is none"
-    return None
+    sound: Bool = (np.abs(pos) <= 2.0 * FARTHEST_M).all(axis=(-2, -1)) & (off_unit <= UNIT_WITHIN).all(axis=-1)
+    return sound
 
 
 def _shape_fault(bodies: tuple[str, ...], pos: Float, q: Float, seen: Bool) -> str | None:

@@ -127,7 +127,7 @@ def test_a_drone_that_asks_too_much_of_its_motors_does_not_swing_from_stop_to_st
 
 def test_a_drone_that_is_as_its_profile_says_is_trusted_in_the_same_gust() -> None:
     _, flight = lockstep.run_and_load(_gust(), 1)
-    assert flight.state.column(lambda m: m.model_mismatch[1]).max() < 0.3
+    assert flight.state["model_mismatch"][:, 1].max() < 0.3
     assert f"hover: {TOLD}" not in texts(flight)
 
 
@@ -155,7 +155,7 @@ def test_a_take_off_does_not_overshoot() -> None:
     lab = flown_by(scenario.lab, PX4_QUAD, "default")
     lab = lab.model_copy(update={"flight": lab.flight.model_copy(update={"altitude_m": 1.2})})
     _, flight = landed(scenario.model_copy(update={"lab": lab}))
-    assert max(truth.pos_lab_m[2] for track in flight.truth.values() for truth in track.messages) < 1.2 + 0.05
+    assert max(track["pos_lab_m"][:, 2].max() for track in flight.truth.values()) < 1.2 + 0.05
 
 
 def test_a_flight_whose_agent_dies_is_lost() -> None:

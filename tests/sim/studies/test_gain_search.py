@@ -42,7 +42,7 @@ def test_the_gains_tried_are_those_that_fly() -> None:
     own = preset_for("pid", PAPER_40G, scenario.lab.mocap)
     other = next(gain_search.neighbours(own, 2.0))
     plain, tried, apart = (
-        lockstep.run_and_load(scenario, 1, gains=gains)[1].target.column(lambda m: m.q_lab_from_flu[0]).tolist()
+        lockstep.run_and_load(scenario, 1, gains=gains)[1].target["q_lab_from_flu"][:, 0].tolist()
         for gains in (None, own, other)
     )
     assert plain == tried != apart

@@ -18,8 +18,8 @@ def test_a_flights_numbers_are_those_of_its_truth() -> None:
     numbers = experiments.measure(flight, scenario, flown.outcome.result, job.experiment).gust
     truth, fan = flight.truth[2], scenario.air.fan
     assert fan is not None
-    x = np.array([message.pos_lab_m[0] for message in truth.messages])
-    push = np.array([message.dist_lab_m_s2[0] for message in truth.messages])
+    x = truth["pos_lab_m"][:, 0]
+    push = truth["dist_lab_m_s2"][:, 0]
     (span,) = flight.spans(Phase.FORMATION)
     assert np.abs(push[truth.t_s < fan.start_s + 0.2]).max() < 0.01  # it starts turned away, by 80 degrees
     turned_away = [fan.start_s + 2.0 * k for k in range(20) if fan.start_s + 2.0 * k <= span.end_s]
@@ -33,9 +33,8 @@ def test_a_flights_numbers_are_those_of_its_truth() -> None:
     assert all(np.abs(push[(truth.t_s >= t) & (truth.t_s < t + 2.0)]).max() > 1.0 for t in turned_away[:-1])
     calm = (flight.target.t_s > span.start_s + 1.0) & (flight.target.t_s < fan.start_s)
     asked = []
-    for message in (m for m, inside in zip(flight.target.messages, calm, strict=True) if inside):
-        w, i, j, k = message.q_lab_from_flu[0]
-        p, q, _ = message.rate_flu_rad_s[0]
+    sent = flight.target.where(calm)
+    for (w, i, j, k), (p, q, _) in zip(sent["q_lab_from_flu"][:, 0], sent["rate_flu_rad_s"][:, 0], strict=True):
         rotation = np.array(
             [
                 [1 - 2 * (j * j + k * k), 2 * (i * j - w * k), 2 * (i * k + w * j)],

@@ -11,14 +11,14 @@ from mcap.writer import MCAP0_MAGIC
 
 from formation import topics
 from tests.wire.flight import check_log
-from wire.logs.mcap_read import (
+from wire.logs.mcap_read import _entries
+from wire.logs.mcap_scan import (
     BYTES_A_RECORD,
     RECORDS_LEAST,
     WORK_A_BYTE,
     WORK_LEAST,
     Damage,
     LogError,
-    _entries,
     _Scanner,
 )
 from wire.logs.mcap_write import _record
@@ -79,7 +79,7 @@ def test_a_crafted_file_costs_what_its_size_allows(
     path = tmp_path / "x.mcap"
     data = file_of(piece)
     path.write_bytes(data)
-    monkeypatch.setattr("wire.logs.mcap_read._Scanner", Counted)
+    monkeypatch.setattr("wire.logs.mcap_scan._Scanner", Counted)
     Counted.spent = 0
     damage = Damage()
     read = sum(1 for _ in _entries(path, damage))
@@ -107,6 +107,6 @@ def test_bombs_that_are_no_mcap_file_are_the_one_error(tmp_path: Path) -> None:
 def test_a_list_of_ten_thousand_names_reads_in_one_pass() -> None:
     """Each name copied all names before it: 9.8 s for a frame of 10,000 empty ones."""
     schema = schema_of(topics.MOCAP.type)
-    tag = next(tag for tag, field in schema._by_tag.items() if field.name == "bodies")
+    tag = next(tag for tag, field in schema.own.by_tag.items() if field.name == "bodies")
     frame = schema.decode(bytes([tag, 0]) * 1_000_000)
     assert len(frame.bodies) == 1_000_000

@@ -20,7 +20,8 @@ from formation import topics
 from tests.wire import flight as wire_flight
 from tests.wire.flight import check_log
 from tests.wire.spine import SPINE, assert_identical
-from wire.logs.mcap_read import LogError, read_log
+from wire.logs.mcap_read import read_log
+from wire.logs.mcap_scan import LogError
 from wire.logs.mcap_write import LogWriter
 
 

@@ -1,0 +1,181 @@
+"""What people wait for, and what bounds it: `python -m bench.speed`; beside another commit with `--against REV`.
+
+Each row is a command in a process of its own. The other commit runs the same command on the same files, in turn with
+this one: what a machine does besides differs from minute to minute, a ratio of one run hardly does.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated
+
+import typer
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from bench.against import ROOT, AgainstError, checkout
+from bench.command import FAILED, Json
+from sim.lockstep import run_to_file
+from sim.scenario import Scenario, load
+from wire import clock
+
+SCENARIO, LANDING_S = "triangle_circle", 60.0
+LOG = "flight.mcap"
+TURNS = 3
+"""Of which the best counts: what other programs cost is never negative."""
+_READ = "import gcs_log, sys; log = gcs_log.load(sys.argv[1]); [len(table) for table in log.values()]"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One thing that somebody waits for. arguments: Python's, in a folder that holds LOG; bound: what bounds it now."""
+
+    name: str
+    arguments: tuple[str, ...]
+    bound: str
+
+
+def _log(command: str, *options: str) -> tuple[str, ...]:
+    return ("-m", "sim.cli.log", command, LOG, *options)
+
+
+ROWS = (
+    Row("load", ("-c", _READ, LOG), ""),
+    Row("check", _log("check"), ""),
+    Row("report", _log("report", "--out", "report.html"), ""),
+    Row("replay", _log("replay"), ""),
+)
+"""Add a row here; its command may read the folder's files, and write beside them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Of one command with all processes that it starts: CPU and wall time, s; the most memory of one of them, MB."""
+
+    cpu_s: float
+    wall_s: float
+    peak_mb: float
+
+
+def cost(tree: Path, arguments: Sequence[str], folder: Path) -> Cost:
+    """Run a command of the commit whose files are in `tree`; AgainstError where it fails."""
+    environment = os.environ | {"PYTHONPATH": str(tree)}
+    begun_ns = clock.monotonic_ns()
+    with subprocess.Popen(
+        [sys.executable, "-P", *arguments],
+        cwd=folder,
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stderr is not None
+        words = process.stderr.read().decode(errors="replace").strip().splitlines()
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise AgainstError(f"{' '.join(arguments)}: {words[-1] if words else f'exit code {process.returncode}'}")
+    wall_s = (clock.monotonic_ns() - begun_ns) * 1e-9
+    return Cost(usage.ru_utime + usage.ru_stime, wall_s, usage.ru_maxrss / 1024.0)
+
+
+def least(costs: Sequence[Cost]) -> Cost:
+    """The least of each number."""
+    return Cost(*(min(asdict(each)[name] for each in costs) for name in ("cpu_s", "wall_s", "peak_mb")))
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """One row; there: at the other commit, if any was asked for."""
+
+    row: Row
+    here: Cost
+    there: Cost | None
+
+    @property
+    def ratio(self) -> float | None:
+        """CPU time here over there."""
+        return None if self.there is None else self.here.cpu_s / self.there.cpu_s
+
+
+def measure(row: Row, trees: Sequence[Path], folder: Path) -> Measured:
+    """In turn in each of the trees, this commit's first."""
+    turns = [[cost(tree, row.arguments, folder) for tree in trees] for _ in range(TURNS)]
+    here, *there = (least(costs) for costs in zip(*turns, strict=True))
+    return Measured(row, here, there[0] if there else None)
+
+
+def flight(seconds: float) -> Scenario:
+    """Three drones that fly circles for so long."""
+    scenario = load(SCENARIO)
+    leader = scenario.lab.leader
+    trajectory = leader.trajectory.model_copy(update={"duration_s": seconds})
+    lab = scenario.lab.model_copy(update={"leader": leader.model_copy(update={"trajectory": trajectory})})
+    return scenario.model_copy(update={"lab": lab, "formation_s": seconds, "longest_s": seconds + LANDING_S})
+
+
+def to_json(rows: Sequence[Measured], seconds: float, revision: str | None) -> str:
+    """Indented JSON: of each row its cost here and there, their ratio, and what bounds it."""
+    figures = {
+        each.row.name: {
+            "here": asdict(each.here),
+            "there": None if each.there is None else asdict(each.there),
+            "ratio": each.ratio,
+            "bound": each.row.bound,
+        }
+        for each in rows
+    }
+    return json.dumps({"flight_s": seconds, "against": revision, "rows": figures}, indent=2, allow_nan=False)
+
+
+def table(rows: Sequence[Measured], revision: str | None) -> Table:
+    """What a person reads of it."""
+    found = Table(box=box.SIMPLE_HEAD)
+    for k, heading in enumerate(("", "CPU, s", "wall, s", "MB", revision or "", "ratio", "bound by")):
+        found.add_column(heading, justify="right" if 0 < k < 6 else "left")
+    for each in rows:
+        here, there = each.here, each.there
+        other = ("", "") if there is None or each.ratio is None else (f"{there.cpu_s:.2f}", f"{each.ratio:.2f}")
+        found.add_row(
+            each.row.name, f"{here.cpu_s:.2f}", f"{here.wall_s:.2f}", f"{here.peak_mb:.0f}", *other, each.row.bound
+        )
+    return found
+
+
+def main(
+    revision: Annotated[str | None, typer.Option("--against", metavar="REV", help="Beside this commit.")] = None,
+    only: Annotated[list[str] | None, typer.Option("--row", help="This row; can be given again.")] = None,
+    seconds: Annotated[float, typer.Option(min=10.0, help="Of the flight whose log is read.")] = 210.0,
+    as_json: Json = False,
+) -> None:
+    """Measure what people wait for. It shows, and judges nothing; exit code 1 where a command fails."""
+    chosen = [row for row in ROWS if not only or row.name in only]
+    console = Console(stderr=True, markup=False)
+    try:
+        with ExitStack() as stack:
+            folder = Path(stack.enter_context(TemporaryDirectory()))
+            trees = [ROOT] if revision is None else [ROOT, stack.enter_context(checkout(revision))]
+            status = stack.enter_context(console.status("the flight"))
+            scenario = flight(seconds)
+            run_to_file(scenario, scenario.seed, folder / LOG)
+            found = []
+            for row in chosen:
+                status.update(row.name)
+                found.append(measure(row, trees, folder))
+    except AgainstError as error:
+        typer.echo(f"bench.speed: {error}", err=True)
+        raise typer.Exit(FAILED) from error
+    if as_json:
+        typer.echo(to_json(found, seconds, revision))
+    else:
+        Console().print(table(found, revision))
+
+
+if __name__ == "__main__":
+    typer.run(main)

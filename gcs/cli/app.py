@@ -5,6 +5,7 @@ right; 3 no ground answers.
 """
 
 import json
+import subprocess
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -33,7 +34,7 @@ from wire.process.program import (
     fail,
     program,
 )
-from wire.process.system import NOT_RIGHT, REJECTED
+from wire.process.system import NOT_RIGHT, REJECTED, python_command
 from wire.text import rows
 
 app = program(
@@ -99,6 +100,18 @@ def check(
     from gcs.lab import cli
 
     cli.check(lab, svg, as_json)
+
+
+@app.command()
+def rehearse(
+    lab: LabFile,
+    out: Annotated[Path | None, typer.Option(help="Folder for its log and report; runs/TIME-LAB if not given.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Fly the lab's whole flight in simulation before anybody arms: its vehicles, limits and law. Needs [sim]."""
+    # The simulator is known there alone.
+    words = [str(lab), *([] if out is None else ["--out", str(out)]), *(["--json"] if as_json else [])]
+    raise typer.Exit(subprocess.run(python_command("sim", "run", *words), check=False).returncode)
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""`gcs-log report | check | audit | picture | compare | layout | export | identify`: what a log says.
+"""`gcs-log report | list | check | audit | picture | compare | layout | export | identify`: what a log says.
 
 Exit codes: 0 well; 1 the flight neither landed nor ended in the air as asked (`report`), or the log is damaged
 (`check`); 2 no log, or an argument that cannot be used.
@@ -15,6 +15,7 @@ import typer
 from wire.process.program import Program, print_json_error
 
 if TYPE_CHECKING:
+    from analysis.catalogue import CatalogueRow
     from analysis.identify.vehicle import Identification
 
 DAMAGED = NOT_LANDED = 1
@@ -59,6 +60,54 @@ def report(log: LogPath, out: Out = None, as_json: Json = False) -> None:
     if not summary.outcome.is_good:
         typer.echo(f"gcs-log: {summary.outcome}", err=True)
         raise typer.Exit(NOT_LANDED)
+
+
+@app.command("list")
+def list_flights(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the logs are, in folders of any depth.")] = Path(
+        "runs"
+    ),
+    sqlite: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the table `flights` of an SQLite database, too.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """List the flights in a folder: date, lab, length, error, outcome, faults. Exit code 1: one is damaged."""
+    import sqlite3
+    from dataclasses import asdict
+
+    from analysis.catalogue import CatalogueRow, catalogue, write_sqlite
+
+    rows: list[CatalogueRow] = []
+    for row in catalogue(folder):
+        rows.append(row)
+        if not as_json:
+            typer.echo(_catalogue_line(row))
+    if not rows:
+        print_json_error(f"{folder}: no log")
+        typer.echo(f"gcs-log: {folder}: no log", err=True)
+        raise typer.Exit(UNUSABLE)
+    if sqlite is not None:
+        try:
+            write_sqlite(rows, sqlite)
+        except sqlite3.Error as error:
+            typer.echo(f"gcs-log: {sqlite}: {error}", err=True)
+            raise typer.Exit(UNUSABLE) from error
+    if as_json:
+        typer.echo(json.dumps([asdict(row) for row in rows], allow_nan=False))
+    if any(row.damage for row in rows):
+        raise typer.Exit(DAMAGED)
+
+
+def _catalogue_line(row: "CatalogueRow") -> str:
+    damage = f"  damaged: {row.damage}" if row.damage else ""
+    if row.outcome is None:
+        return f"{row.path}{damage}"
+    error = "no formation" if row.formation_rms_m is None else f"{1e3 * row.formation_rms_m:6.2f} mm"
+    faults = "" if not row.faults else f", {row.faults} fault{'s' if row.faults > 1 else ''}"
+    date = (row.date or "").replace("T", " ")[:19]
+    shown = f"{date:19}  {row.lab or '':16.16}  {row.duration_s:7.1f} s  {error:12}  {row.outcome}{faults}"
+    return f"{shown}  {row.path}{damage}"
 
 
 @app.command()

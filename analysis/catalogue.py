@@ -1,0 +1,65 @@
+"""A folder of flights as a catalogue: a row a log, for people, as JSON or as a table of SQLite."""
+
+import sqlite3
+from collections.abc import Iterable, Iterator
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+
+from analysis.load import load_checked
+from analysis.metrics import summarise
+from formation.messages import Severity
+from wire.logs.mcap_scan import LogError
+
+
+@dataclass(frozen=True, slots=True)
+class CatalogueRow:
+    """One flight; what its log does not have is None. date: UTC, when it began, ISO 8601.
+
+    faults: how many of its events were errors or worse. damage: of its log; the rest is what could be read.
+    """
+
+    path: str
+    date: str | None = None
+    lab: str | None = None
+    duration_s: float | None = None
+    outcome: str | None = None
+    formation_rms_m: float | None = None
+    formation_max_m: float | None = None
+    faults: int | None = None
+    damage: str = ""
+
+
+def catalogue(folder: Path) -> Iterator[CatalogueRow]:
+    """Every log below the folder (or the one that it is), by name: runs begin with their date."""
+    for path in [folder] if folder.is_file() else sorted(folder.rglob("*.mcap")):
+        yield _row(path)
+
+
+def _row(path: Path) -> CatalogueRow:
+    try:
+        flight, checked = load_checked(path)
+        summary = summarise(flight)
+    except (LogError, OSError) as error:
+        return CatalogueRow(str(path), damage=str(error))
+    lab = flight.run.lab
+    return CatalogueRow(
+        path=str(path),
+        date=flight.run.metadata.get("date"),
+        lab=flight.run.scenario or (None if lab is None else lab.name),
+        duration_s=round(summary.duration_s, 2),
+        outcome=str(summary.outcome),
+        formation_rms_m=summary.formation_rms_m,
+        formation_max_m=summary.formation_max_m,
+        faults=sum(event.severity <= Severity.ERROR for event in flight.events.messages),
+        damage="" if checked.complete else checked.damage,
+    )
+
+
+def write_sqlite(rows: Iterable[CatalogueRow], file: Path) -> None:
+    """The rows as table `flights`, in the place of what it held; sqlite3.Error."""
+    names = [field.name for field in fields(CatalogueRow)]
+    with sqlite3.connect(file) as database:
+        database.execute("DROP TABLE IF EXISTS flights")
+        database.execute(f"CREATE TABLE flights ({', '.join(names)})")
+        database.executemany(f"INSERT INTO flights VALUES ({', '.join('?' * len(names))})", map(astuple, rows))
+    database.close()

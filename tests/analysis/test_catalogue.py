@@ -1,0 +1,49 @@
+"""A folder of logs as a list: each flight a row, the damaged named, for people, JSON and SQLite alike."""
+
+import json
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from analysis.cli import app
+from tests.analysis.synthetic_flight import METADATA, Recipe, written
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A whole flight 2 mm off its slots, the same cut off, and a file that is no log."""
+    runs = tmp_path_factory.mktemp("runs")
+    error = 1e-3 * np.array([[2.0, 0.0, 0.0], [0.0, -2.0, 0.0]])
+    for name in ("a", "b"):
+        (runs / name).mkdir()
+    whole = written(runs / "a" / "flight.mcap", Recipe(error_lead=lambda _: error), METADATA).read_bytes()
+    (runs / "b" / "flight.mcap").write_bytes(whole[: len(whole) // 2])
+    (runs / "c.mcap").write_text("no log\n")
+    return runs
+
+
+def test_every_log_has_a_row_and_damage_is_named(folder: Path, tmp_path: Path) -> None:
+    database = tmp_path / "flights.db"
+    done = CliRunner().invoke(app, ["list", str(folder), "--json", "--sqlite", str(database)])
+    assert done.exit_code == 1
+    whole, cut, none = json.loads(done.stdout)
+    assert whole["formation_rms_m"] == pytest.approx(0.002, abs=1e-7)
+    assert (whole["damage"], whole["outcome"]) == ("", "landed")
+    assert cut["damage"]
+    assert cut["duration_s"] < whole["duration_s"]
+    assert (none["damage"], none["outcome"]) == (f"{folder / 'c.mcap'}: not an MCAP file", None)
+    with sqlite3.connect(database) as read:
+        assert [row[0] for row in read.execute("SELECT formation_rms_m FROM flights ORDER BY path")] == [
+            whole["formation_rms_m"], cut["formation_rms_m"], None
+        ]  # fmt: skip
+
+
+def test_people_get_a_line_each_and_a_folder_without_logs_is_named(folder: Path, tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["list", str(folder / "a")])
+    assert (done.exit_code, len(done.stdout.splitlines())) == (0, 1)
+    assert "  2.00 mm" in done.stdout
+    empty = CliRunner().invoke(app, ["list", str(tmp_path)])
+    assert (empty.exit_code, empty.stderr) == (2, f"gcs-log: {tmp_path}: no log\n")

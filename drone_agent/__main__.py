@@ -197,6 +197,9 @@ def _of_lab(file: Path, body: str | None) -> dict[str, Any]:
     if drone is None:
         raise ConfigError([f"{file}: --body {body or 'is missing'}: its drones are {', '.join(drones)}"])
     keys = {} if lab.security is None else {"keys": keys_folder(lab.security.keys, file)}
+    everywhere, addresses = "/0.0.0.0:", () if lab.security is None else lab.security.addresses
+    # The ground listens at every address of its computer; here it is reached by those that the lab file names.
+    bus = [e.replace(everywhere, f"/{a}:") for e in lab.link.joined.zenoh_connect for a in addresses or ("0.0.0.0",)]
     return keys | {
         "sysid": drone.sysid,
         "lab": lab.name,
@@ -204,7 +207,7 @@ def _of_lab(file: Path, body: str | None) -> dict[str, Any]:
         "profile": drone.profile,
         "profiles": [profile.model_dump() for profile in lab.profiles],
         "origin": lab.origin,
-        "link": lab.link.joined.model_dump(),
+        "link": lab.link.joined.model_dump() | {"zenoh_connect": list(dict.fromkeys(bus))},
     }
 
 

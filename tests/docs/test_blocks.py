@@ -63,7 +63,7 @@ def check_foreign(words: list[str]) -> None:
         case ["sudo", program, *rest] if program.endswith("/gcs"):
             parse_ours(["gcs", *rest])
         case ["sudo", program, *_]:
-            assert program in {"cp", "python3", "mkdir", "systemctl", "udevadm", "useradd", "usermod"}
+            assert program in {"cp", "python3", "mkdir", "systemctl", "udevadm", "ufw", "useradd", "usermod"}
         case [program, *_]:
             assert program in FOREIGN, f"{program}: neither ours nor known"
     for path in PATHS.findall(" ".join(words)):

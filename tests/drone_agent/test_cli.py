@@ -110,9 +110,11 @@ LAB = """
 name = "barn"
 origin = [48.0, 11.0, 500.0]
 [link]
-zenoh_connect = ["tcp/192.168.1.20:7447"]
+zenoh_listen = ["tls/0.0.0.0:7447"]
+zenoh_connect = []
 [security]
 keys = "our-keys"
+addresses = ["192.168.1.20"]
 [[profiles]]
 name = "ours"
 base = "px4_quad"
@@ -135,7 +137,7 @@ def test_a_lab_file_says_what_its_drone_is(tmp_path: Path) -> None:
     config = _config(options, None)
     assert (config.sysid, config.lab, config.body_name, config.origin[2]) == (7, "barn", "left", 500.0)
     assert profile(config.profile, config.profiles).mass_kg == 1.9
-    assert config.link.zenoh_connect == ("tcp/192.168.1.20:7447",)
+    assert config.link.zenoh_connect == ("tls/192.168.1.20:7447",)
     assert config.keys == tmp_path / "our-keys"
     assert _config(replace(options, sysid=8), None).sysid == 8
 

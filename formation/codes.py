@@ -76,6 +76,7 @@ class EventCode(StrEnum):
     NOT_LANDED = auto()
     TRAJECTORY = auto()
     SHAPE = auto()
+    HOME = auto()
 
 
 class FlightResult(StrEnum):

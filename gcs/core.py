@@ -37,7 +37,7 @@ from formation.own_law.flight import OwnLaws
 from formation.own_law.law import Answer, LawGuard, unlimited
 from formation.reasons import Reject
 from formation.safety import rules
-from formation.safety.phases import STREAMING, Trigger
+from formation.safety.phases import CHANGES_NO_PHASE, STREAMING, Trigger
 from formation.safety.rules import Facts
 from formation.topics import Topic
 from gcs import formation_change
@@ -70,9 +70,6 @@ from wire.rejections import RejectionLog
 WATCHDOG_FRAMES = 3.0
 REINITIALISE_NS = 400_000_000
 """Period of reinitialising the control after a takeover, until every drone follows it."""
-
-
-UNPHASED = (Verb.SHAPE, Verb.TRAJECTORY, Verb.EXCLUDE, Verb.INCLUDE)
 
 
 class BrokenInvariantError(RuntimeError):
@@ -325,7 +322,7 @@ class GcsCore:
         return Situation(self._config, self._drones, self._flight, self._host, self._without, facts, now_ns)
 
     def _execute(self, request: OperatorRequest, now_ns: int) -> None:
-        """Execute a request that nothing stands against; those of UNPHASED, and `acknowledge`, change no phase.
+        """Execute a request that nothing stands against; those of CHANGES_NO_PHASE, and `acknowledge`, change no phase.
 
         Nor does a landing of one drone alone.
         """
@@ -335,7 +332,7 @@ class GcsCore:
             self._flight.events.append(ACKNOWLEDGED)
         elif down:
             self._flight.pull(Trigger.LAND, Cause.LANDS_ITSELF, down, now_ns)
-        elif verb not in UNPHASED and not (verb is Verb.LAND and request.argument):
+        elif verb is not Verb.SHAPE and verb not in CHANGES_NO_PHASE and not (verb is Verb.LAND and request.argument):
             self._flight.pull(Trigger(verb.value), Cause.OPERATOR, f"operator: {verb}", now_ns)
             if verb is Verb.ARM and self._flight.excluded:
                 self._stack = self._fresh_stack()  # who was left out and is out of sight is not kept clear of

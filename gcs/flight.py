@@ -1,6 +1,7 @@
 """The flight: the phase, what each drone is led to in it, and how what is seen moves it on. No bytes, no control."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from math import hypot
 
 import numpy as np
@@ -13,6 +14,7 @@ from formation.guidance.shape import Shape, configured
 from formation.guidance.trajectory import Trajectory
 from formation.guidance.transition import Transition
 from formation.maths.arrays import Bool, Float, Vec3
+from formation.maths.frames import rotate_about_z
 from formation.messages import Cause, Event, EventCode, Phase, PhaseChange, Severity
 from formation.safety.phases import AFTER_STOP, AIRBORNE, Trigger, advance
 from formation.safety.rules import Verdict
@@ -29,6 +31,8 @@ from gcs.drones.drone import (
 from gcs.landing import FIRST_FRAME_NS, Descent, descent, landed_text, landing_spots, late_text
 from gcs.safety import OpenAlarms
 
+HOME = "home"
+"""The name of the shape in which the drones took off."""
 ARMING_NS = 12_000_000_000
 SETTLE_NS = 1_000_000_000
 AT_HEIGHT_M = 0.05
@@ -38,6 +42,14 @@ OVER_SPOT_M = 0.05
 SEEN_S = 0.1
 
 _GOALS = {Phase.GROUND: Goal.DISARM, Phase.ARMED: Goal.FLY, Phase.STOPPED: Goal.CUT}
+
+
+@dataclass(slots=True)
+class Home:
+    """A return to where the drones took off. shape_before: which is flown again after it; reached: they are there."""
+
+    shape_before: Shape
+    reached: bool = False
 
 
 class Flight:
@@ -60,6 +72,9 @@ class Flight:
         self.trajectory: Trajectory | None = None
         self.trajectory_from: Float | None = None
         self.armed = False
+        self.start_yaw_rad = 0.0
+        """The leader's heading as it took off."""
+        self._home: Home | None = None
         self.alarms = OpenAlarms(drones)
         self._too_late = False
         self.events: list[Event] = []
@@ -127,6 +142,26 @@ class Flight:
                 code=EventCode.SHAPE,
             )
         )
+
+    def start_shape(self) -> Shape:
+        """The shape in which the drones took off, about their leader; who is left out keeps its slot."""
+        x_m, y_m, _ = self._drones[0].start_lab_m or (0.0, 0.0, 0.0)
+        offsets_m = list(self.shape.offset_lead_m)
+        for k, drone in enumerate(self._drones[-len(offsets_m) :]):
+            if drone.start_lab_m is not None:
+                away_m = np.array([drone.start_lab_m[0] - x_m, drone.start_lab_m[1] - y_m, 0.0])
+                x, y, _ = rotate_about_z(np.array(-self.start_yaw_rad), away_m).tolist()
+                offsets_m[k] = x, y, 0.0
+        return Shape(HOME, tuple(offsets_m), self.shape.yaw_offset_rad)
+
+    def go_home(self, transition: Transition, now_ns: int) -> None:
+        """Take up the shape in which the drones took off, and have the leader lead them there."""
+        if self._home is None:
+            self._home = Home(self.shape)
+        self.pull(Trigger.START, Cause.OPERATOR, "operator: home", now_ns)
+        self.trajectory_start_ns, self._settled_since_ns = None, None
+        self.change_formation(transition)
+        self._drones[0].setpoint = hold_setpoint(self.config.flight.formation_change_m_s)
 
     def first_to_disarm(self, now_ns: int) -> tuple[str, float] | None:
         """Whose own time-out ends first for want of a take-off, and in how many seconds; None where nobody's runs."""
@@ -202,6 +237,8 @@ class Flight:
         self.cause, self.cause_code = cause, code
         self.trajectory_start_ns, self._settled_since_ns, self._spots, self._descent = None, None, None, None
         self.armed, self._too_late = False, False
+        if self._home is not None and phase is not Phase.FORMATION:
+            self.shape, self._home = self._home.shape_before, None
         self.changes.append(PhaseChange(phase, cause, code))
         entered = f"{before.name} -> {phase.name}: {cause}"
         self.events.append(Event(Severity.NOTICE, "flight", entered, code=EventCode.PHASE))
@@ -251,8 +288,10 @@ class Flight:
     def _watch_arming(self, stages: Stages | None, now_ns: int) -> None:
         unready = [drone for drone in self._drones if not drone.reached]
         if stages is not None:
+            self.start_yaw_rad = float(stages.state.yaw_rad[0])
             for drone in self._drones:
-                drone.rest_z_m = float(stages.state.pos_lab_m[drone.index, 2])
+                x_m, y_m, drone.rest_z_m = stages.state.pos_lab_m[drone.index].tolist()
+                drone.start_lab_m = x_m, y_m, drone.rest_z_m
                 drone.link.own_estimate.settle(stages.state.pos_lab_m[drone.index], now_ns)
         if not unready:
             self._watch_countdown(now_ns)
@@ -317,10 +356,25 @@ class Flight:
             self._settled_since_ns = None
         elif self._settled_since_ns is None:
             self._settled_since_ns = now_ns
+        elif self._home is not None and now_ns - self._settled_since_ns >= SETTLE_NS:
+            self._lead_home(stages, self._home)
         elif now_ns - self._settled_since_ns >= SETTLE_NS:
             self.trajectory_start_ns = now_ns
             self.trajectory_from = np.array([*stages.state.pos_lab_m[0], stages.state.yaw_rad[0]])
             self.trajectory = trajectory_from(self.config, self.trajectory_from)
+
+    def _lead_home(self, stages: Stages, home: Home) -> None:
+        """Lead the leader to above where it took off, in the heading that it had."""
+        leader, speed_m_s = self._drones[0], self.config.flight.formation_change_m_s
+        if leader.start_lab_m is None:  # taken over since: then no home was asked for
+            return
+        x_m, y_m, _ = leader.start_lab_m
+        leader.setpoint = Setpoint(Mode.LAB, (x_m, y_m, None), self.start_yaw_rad, speed_m_s)
+        at_m = stages.state.pos_lab_m[leader.index]
+        if not home.reached and hypot(at_m[0] - x_m, at_m[1] - y_m) < OVER_SPOT_M:
+            home.reached = True
+            text = "every drone is above where it took off: land"
+            self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.HOME))
 
     def _watch_landing(self, stages: Stages | None, now_ns: int) -> None:
         if stages is not None:

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from formation.config import PERSONAL_SPACE, LabConfig
+from formation.config import PERSONAL_SPACE, LabConfig, TrajectoryConfig
 from formation.control.stack import Stages
 from formation.guidance.preview import Preview, beyond_text, expected_start, outside_m, preview, trajectory_from
 from formation.guidance.shape import Shape, shape_for
 from formation.guidance.shape_request import parse
-from formation.guidance.trajectory import Trajectory
+from formation.guidance.trajectory import Trajectory, anchored
 from formation.guidance.transition import Space, Transition, assigned, require_separation, transition
 from formation.maths.arrays import Bool, Float
 from formation.messages import OperatorRequest, Phase, Verb
@@ -44,6 +44,8 @@ def ask(
             return choose(request.argument, flight, facts, stages)
         case Verb.EXCLUDE | Verb.INCLUDE:
             return participation(request, flight)
+        case Verb.HOME if stages is not None:
+            return home(flight, stages, now_ns)
         case Verb.LAND if request.argument:
             return leave(request.argument, flight, stages, now_ns)
         case _:
@@ -73,6 +75,23 @@ def participation(request: OperatorRequest, flight: Flight) -> tuple[Reject, ...
     if excluded.issuperset(follower.body for follower in config.followers):
         return (Reason.NONE_LEFT.of(),)
     flight.exclude_only(excluded)
+    return ()
+
+
+def home(flight: Flight, stages: Stages, now_ns: int) -> tuple[Reject, ...]:
+    """Lead all to above where they took off, or return why not.
+
+    They form as they stood, by a transition that keeps them apart, and the leader then flies there.
+    """
+    config = flight.config
+    shape, pose = flight.start_shape(), _leader_pose(stages)
+    stay = anchored(TrajectoryConfig(), pose[:3], float(pose[3]))
+    if reasons := slot_reject_reasons(foreseen(shape, pose, stay, 0.0, config), config):
+        return reasons
+    try:
+        flight.go_home(compute_transition(shape, stages, config, flight.forming), now_ns)
+    except ValueError as error:
+        return (Reason.NO_TRANSITION.of(error),)
     return ()
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from formation.config import LabConfig
 from formation.messages import Phase, Verb
 from formation.reasons import Reason, Reject
-from formation.safety.phases import AFTER_STOP, Trigger, advance, allowed_from
+from formation.safety.phases import AFTER_STOP, phases_for
 from formation.safety.rules import Facts, nearest, outside_box
 from formation.safety.rules_table import BATTERY_LOW, HEARTBEAT_S, UNSEEN_S
 from gcs.drones.autopilot_model import HOVER_WITHIN, ParameterRule
@@ -25,8 +25,6 @@ from gcs.safety import ARM_IN_AIR, ARM_OTHER_GROUND, Host
 
 STILL_M_S = 0.3
 LEVEL_RAD = 0.35
-CHOOSING = (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD)
-"""Where the leader's trajectory may be chosen: it neither flies one nor waits for its slots to be taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,10 +56,10 @@ Condition = Callable[[Situation], Iterable[Reject]]
 
 def reject_reasons(verb: Verb, situation: Situation) -> tuple[Reject, ...]:
     """Every reason against the request now; where it is for other phases, this one alone."""
-    phase = situation.flight.phase
-    if verb in _TRIGGERS and advance(phase, Trigger(verb)) is None:
+    phase, phases = situation.flight.phase, phases_for(verb)
+    if phase not in phases:
         after = f": {AFTER_STOP}" if phase is Phase.STOPPED else ""
-        return (_out_of_turn(verb, allowed_from(Trigger(verb)), phase, after),)
+        return (Reason.OUT_OF_TURN.of(verb, ", ".join(each.name for each in phases), phase.name, after),)
     return tuple(reject for condition in CONDITIONS.get(verb, ()) for reject in condition(situation))
 
 
@@ -231,27 +229,17 @@ def all_stopped(now: Situation) -> Iterator[Reject]:
         yield Reason.MAY_BE_ARMED.of(drone.link.name, _ago(drone.link.heartbeat_age_s(now.now_ns)))
 
 
-def trajectory_choosable(now: Situation) -> Iterator[Reject]:
-    """The leader is a drone, and in a phase of CHOOSING."""
-    leader, phase = now.config.leader, now.flight.phase
-    if leader.sysid is None:
-        yield Reason.LEADER_OBSERVED.of(leader.body)
-    elif phase not in CHOOSING:
-        yield _out_of_turn(Verb.TRAJECTORY, CHOOSING, phase, "")
+def leader_commanded(now: Situation) -> Iterator[Reject]:
+    """The leader is a drone."""
+    if now.config.leader.sysid is None:
+        yield Reason.LEADER_OBSERVED.of(now.config.leader.body)
 
 
-def only_in(verb: Verb, *phases: Phase) -> Condition:
-    """The phase is one of these."""
-
-    def condition(now: Situation) -> Iterator[Reject]:
-        if now.flight.phase not in phases:
-            yield _out_of_turn(verb, phases, now.flight.phase, "")
-
-    return condition
-
-
-def _out_of_turn(verb: Verb, phases: Iterable[Phase], phase: Phase, after: str) -> Reject:
-    return Reason.OUT_OF_TURN.of(verb, ", ".join(each.name for each in phases), phase.name, after)
+def starts_known(now: Situation) -> Iterator[Reject]:
+    """Every drone that flies took off under this ground."""
+    for drone in now.drones:
+        if drone.start_lab_m is None and not drone.excluded:
+            yield Reason.NO_START.of(drone.link.name)
 
 
 CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
@@ -262,18 +250,18 @@ CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
         Verb.TAKE_CONTROL: (armed_drones_controllable, no_other_ground),
         Verb.TAKEOFF: (bodies_ready, autopilots_ready, all_armed, time_to_lift_off),
         Verb.START: (all_joined, leader_seen),
+        Verb.HOME: (leader_commanded, all_joined, leader_seen, starts_known),
         Verb.HOLD: (),
         Verb.LAND: (somebody_flies,),
         Verb.STOP: (),
         Verb.RESET: (all_stopped,),
-        Verb.EXCLUDE: (only_in(Verb.EXCLUDE, Phase.GROUND, Phase.STOPPED),),
-        Verb.INCLUDE: (only_in(Verb.INCLUDE, Phase.GROUND),),
+        Verb.EXCLUDE: (),
+        Verb.INCLUDE: (),
         Verb.SHAPE: (leader_seen_in_formation,),
-        Verb.TRAJECTORY: (trajectory_choosable,),
+        Verb.TRAJECTORY: (leader_commanded,),
     }
 )  # fmt: skip
 """The conditions of each request, beside its phase (formation.safety.phases.TABLE), in the order of a flight."""
-_TRIGGERS = frozenset(verb for verb in Verb if verb.value in set(Trigger))
 
 
 def parameter_warnings(link: DroneLink, feeds_pose: bool) -> tuple[tuple[str, str], ...]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 from types import MappingProxyType
 
-from formation.messages import Phase
+from formation.messages import Phase, Verb
 
 
 class Trigger(StrEnum):
@@ -70,6 +70,25 @@ def advance(phase: Phase, trigger: Trigger) -> Phase | None:
 def allowed_from(trigger: Trigger) -> tuple[Phase, ...]:
     """The phases that allow `trigger`; a rejection lists them for the operator."""
     return tuple(phase for phase in Phase if (phase, trigger) in TABLE)
+
+
+CHANGES_NO_PHASE: Mapping[Verb, tuple[Phase, ...]] = MappingProxyType(
+    {
+        Verb.EXCLUDE: (Phase.GROUND, Phase.STOPPED),
+        Verb.INCLUDE: (Phase.GROUND,),
+        Verb.HOME: (Phase.HOLD, Phase.FORMATION),
+        # Neither while the leader flies one, nor while it waits for its slots to be taken.
+        Verb.TRAJECTORY: (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD),
+    }
+)
+"""Requests that are no triggers, and the phases that they are for."""
+
+
+def phases_for(verb: Verb) -> tuple[Phase, ...]:
+    """The phases in which a request may be made; every one where none stands against it."""
+    if verb in CHANGES_NO_PHASE:
+        return CHANGES_NO_PHASE[verb]
+    return allowed_from(Trigger(verb)) if verb.value in set(Trigger) else tuple(Phase)
 
 
 def table_markdown() -> str:

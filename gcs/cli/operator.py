@@ -151,6 +151,7 @@ def register(app: typer.Typer) -> None:
     _register(app, Verb.START, "Take up the formation; a commanded leader then flies its trajectory.")
     app.command(Verb.SHAPE.value)(shape)
     app.command(Verb.TRAJECTORY.value)(trajectory)
+    _register(app, Verb.HOME, "Lead every drone to above where it took off, without coming near each other; then land.")
     _register(app, Verb.HOLD, "Brake and stay where each drone is.")
     app.command(Verb.LAND.value)(land)
     _register(app, Verb.STOP, "EMERGENCY: cut every drone's motors now, wherever it is. `gcs reset` to fly again.")

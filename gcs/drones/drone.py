@@ -51,7 +51,8 @@ class Goal(StrEnum):
 
 @dataclass(slots=True)
 class Drone:
-    """index: its place among the n vehicles. rest_z_m: height of its markers when it stood on the floor.
+    """index: its place among the n vehicles. rest_z_m: height of its markers when it stood on the floor. start_lab_m:
+    where that was, None where it took off under no ground or another.
 
     excluded: takes no part in the flight, and stays on the floor; a stop stops it, too. leaving_to: the spot, x and y,
     where it lands alone while the others fly on.
@@ -68,6 +69,7 @@ class Drone:
     setpoint: Setpoint = IDLE
     goal: Goal = Goal.LEAVE
     goal_since_ns: int = NEVER_NS
+    start_lab_m: Vec3Tuple | None = None
     excluded: bool = False
     leaving_to: tuple[float, float] | None = None
     rest_z_m: float = 0.0
@@ -273,7 +275,7 @@ class Drone:
     def take_over(self, now_ns: int) -> None:
         """It flies under no ground: it is to follow this one, from where it is."""
         self.excluded = self.released = self.piloted = self.touched = False
-        self.lifted = True
+        self.lifted, self.start_lab_m = True, None
         self.link.commands.reset_answer(request_control(self.link.target, self.link.codec.own))
         self.aim(Goal.JOIN, now_ns)
 

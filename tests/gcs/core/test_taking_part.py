@@ -1,4 +1,4 @@
-"""Flying on with who is ready: drones that are left out, on the ground, and taken in again."""
+"""Flying on with who is ready: drones that are left out, landed alone, taken in again; and all led home."""
 
 import numpy as np
 import pytest
@@ -221,3 +221,42 @@ def test_a_drone_that_leaves_and_is_not_seen_lands_the_swarm(flying: FakeLab) ->
     flying.hidden.add("left")
     flying.run(1.0)
     assert flying.phase is Phase.LAND
+
+
+def test_all_are_led_home_each_above_where_it_took_off() -> None:
+    """From the end of a line, out of a column: forming as they stood, nobody comes near anybody."""
+    line = {"kind": "line", "length_m": 1.5, "period_s": 12.0, "duration_s": 6.0}
+    lab = FakeLab(triangle(leader={"body": "lead", "sysid": 1, "trajectory": line}))
+    started = {sysid: drone.pos.copy() for sysid, drone in lab.drones.items()}
+    lab.take_off()
+    accepted(lab, Verb.SHAPE, "column")
+    lab.command(Verb.START, Phase.FORMATION)
+    lab.run(13.0)
+    assert lab.drones[1].pos[0] > 0.7
+    accepted(lab, Verb.HOME, "")
+    nearest = []
+    for _ in range(1500):
+        lab.step()
+        nearest.append(nearest_m(lab))
+    for sysid, drone in lab.drones.items():
+        np.testing.assert_allclose(drone.pos[:2], started[sysid][:2], atol=0.03)
+    assert min(nearest) > 0.25
+    assert ("home", "") in lab.reported
+    lab.command(Verb.LAND, Phase.LAND)
+    lab.run_until(Phase.GROUND)
+    assert lab.state.shape == "column"
+
+
+def test_home_from_a_hold_forms_first(flying: FakeLab) -> None:
+    flying.command(Verb.HOLD, Phase.HOLD)
+    accepted(flying, Verb.HOME, "")
+    flying.run(5.0)
+    assert (flying.phase, flying.state.shape) == (Phase.FORMATION, "home")
+    assert not flying.state.trajectory_started
+
+
+def test_no_home_without_a_start_of_this_ground_or_a_leader_of_its_own() -> None:
+    lab = FakeLab(triangle(leader={"body": "lead"}))
+    assert Reason.OUT_OF_TURN in reasons(lab, Verb.HOME)
+    lab.fly()
+    assert Reason.LEADER_OBSERVED in reasons(lab, Verb.HOME)

@@ -56,8 +56,8 @@ def test_a_step_is_allowed_in_its_phase_and_says_why_not_elsewhere(flight):
         Phase.GROUND: {"arm"},
         Phase.ARMED: {"takeoff", "land"},
         Phase.TAKEOFF: {"hold", "land"},
-        Phase.HOLD: {"start", "hold", "land"},
-        Phase.FORMATION: {"hold", "land"},
+        Phase.HOLD: {"start", "home", "hold", "land"},
+        Phase.FORMATION: {"home", "hold", "land"},
         Phase.LAND: {"land"},
         Phase.STOPPED: {"land", "reset"},
     }

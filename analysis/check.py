@@ -7,7 +7,11 @@ from operator import itemgetter
 from pathlib import Path
 from typing import TypeVar
 
-from analysis.load import read, scenario_of
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from analysis.reading import read, scenario_of
 from formation import topics
 from formation.messages import Event, OperatorReply, OperatorRequest
 from formation.topics import Topic
@@ -46,7 +50,8 @@ class Check:
 
 def check(path: Path) -> Check:
     """Read the whole log and say what it holds. Raises OSError, and wire.logs.mcap_read.LogError where it is no log."""
-    log, found = read(path, {})
+    log = read(path, {})
+    found = log.check
     span_ns = 0 if found.first_ns is None or found.last_ns is None else found.last_ns - found.first_ns
     usable = tuple(name for name, needs in NEEDS if all(found.entries.get(topic.name) for topic in needs))
     return Check(
@@ -59,6 +64,25 @@ def check(path: Path) -> Check:
         usable=usable,
         lost=tuple(name for name, _ in NEEDS if name not in usable),
     )
+
+
+def print_check(check: Check, console: Console) -> None:
+    """A log's condition, its channels, what of it can still be shown."""
+    if check.complete:
+        console.print("The log is complete.", style="green", highlight=False)
+    else:
+        console.print(f"The log is damaged: {check.damage}.", style="red", highlight=False, markup=False)
+    console.print(
+        f"It holds {check.duration_s:.2f} s of {check.scenario or 'a flight'}:", highlight=False, markup=False
+    )
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="dim")
+    table.add_column(justify="right")
+    for topic, entries in check.entries.items():
+        table.add_row(Text(topic), str(entries))
+    console.print(table)
+    if check.lost:
+        console.print(f"Not to be had from it: {', '.join(check.lost)}.", highlight=False, markup=False)
 
 
 OPERATIONS = "key_operations"
@@ -83,7 +107,7 @@ def audit(path: Path) -> tuple[Audited, ...]:
     Raises as `check`.
     """
     log = read_columns(path, {topic: [field.name for field in fields(topic.type)] for topic in AUDITED})
-    if not log.count:
+    if not log.held:
         raise holds_nothing(path, log.check.damage)
     before = tuple(_operation(line) for line in log.metadata.get(OPERATIONS, "").splitlines())
     answers = {reply.id: reply for _, _, reply in _messages(log, topics.REPLY, OperatorReply)}

@@ -116,14 +116,13 @@ def check(log: LogPath, as_json: Json = False) -> None:
     from rich.console import Console
 
     from analysis import check as checking
-    from analysis.console import print_check
 
     with _refusing():
         found = checking.check(log)
     if as_json:
         typer.echo(found.to_json())
     else:
-        print_check(found, Console())
+        checking.print_check(found, Console())
     if not found.complete:
         raise typer.Exit(DAMAGED)
 

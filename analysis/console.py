@@ -1,10 +1,9 @@
-"""A summary and a check as a person reads them in a terminal."""
+"""A summary as a person reads it in a terminal."""
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from analysis.check import Check
 from analysis.metrics import Summary
 from analysis.words import counted, mm
 
@@ -52,22 +51,3 @@ def _flight(summary: Summary) -> str:
     seeded = [f"seed {summary.seed}"] if summary.seed is not None else []
     linked = [f"over {summary.link}"] if summary.link else []
     return ", ".join([*named, *seeded, *linked, f"{summary.duration_s:.1f} s", counted(summary.followers, "follower")])
-
-
-def print_check(check: Check, console: Console) -> None:
-    """A log's condition, its channels, what of it can still be shown."""
-    if check.complete:
-        console.print("The log is complete.", style="green", highlight=False)
-    else:
-        console.print(f"The log is damaged: {check.damage}.", style="red", highlight=False, markup=False)
-    console.print(
-        f"It holds {check.duration_s:.2f} s of {check.scenario or 'a flight'}:", highlight=False, markup=False
-    )
-    table = Table.grid(padding=(0, 2))
-    table.add_column(style="dim")
-    table.add_column(justify="right")
-    for topic, entries in check.entries.items():
-        table.add_row(Text(topic), str(entries))
-    console.print(table)
-    if check.lost:
-        console.print(f"Not to be had from it: {', '.join(check.lost)}.", highlight=False, markup=False)

@@ -6,6 +6,7 @@ Ages are by the drone's own clock. Battery, link and mode are columns with ten r
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from heapq import merge
+from itertools import accumulate, chain
 from operator import itemgetter
 from typing import Any
 
@@ -13,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.load import Flight, Traffic
-from formation.maths.arrays import Float
+from analysis.series import Index
+from formation.maths.arrays import Bool, Float
 from wire.clock_offset import ClockOffset
 from wire.link_messages import (
     DRONE_COMPONENT,
@@ -21,13 +23,11 @@ from wire.link_messages import (
     Address,
     LinkMessage,
     MessageId,
-    Packet,
     TimeSync,
-    UnknownMessage,
 )
-from wire.logs.views import READS, DroneLink, LinkView
+from wire.logs.views import AGE_NAME, RARE, DroneLink, LinkView, Losses, lost_by
 from wire.mavlink.codec import Codec
-from wire.mavlink.frames import Frames, stamps
+from wire.mavlink.frames import Frames, named_values, stamps
 
 TimedMessage = tuple[float, int, LinkMessage]
 
@@ -103,44 +103,56 @@ def backlogs(flight: Flight) -> tuple[Backlog, ...]:
 
 
 STEP_NS = 100_000_000
+_FIELDS = tuple(field.name for field in fields(DroneLink))
 History = Mapping[str, NDArray[Any]]
 """`t_ns`, since the log began, and every field of `DroneLink`, each (T,)."""
 
 
 def histories(up: Traffic) -> dict[int, History]:
     """The link state of each drone, by sysid, at each tenth of a second from its first datagram to the last of all."""
-    views: dict[int, LinkView] = {}
-    rows: dict[int, list[tuple[int, DroneLink]]] = {}
-    t_ns = [round(t_s * 1e9) for t_s in up.t_s.tolist()]
-    next_ns = t_ns[0] + STEP_NS if t_ns else 0
-    for k, packet in _packets_of_drones(up.frames):
-        while t_ns[k] >= next_ns:
-            for sysid, view in views.items():
-                rows[sysid].append((next_ns, view.now(next_ns)))
-            next_ns += STEP_NS
-        sysid = int(up.sysid[k])
-        if sysid not in views:
-            views[sysid], rows[sysid] = LinkView(sysid), []
-        views[sysid].update(packet, t_ns[k])
-    for sysid, view in views.items():
-        rows[sysid].append((t_ns[-1], view.now(t_ns[-1])))
-    return {sysid: _columns(states) for sysid, states in sorted(rows.items())}
+    t_ns = np.rint(up.t_s * 1e9).astype(np.int64)
+    of = up.frames["datagram"]
+    sysids = np.unique(up.sysid[of])
+    grid_ns = np.append(np.arange(t_ns[0] + STEP_NS, t_ns[-1] + 1, STEP_NS), t_ns[-1]) if len(sysids) else t_ns
+    return {sysid: _history(up.frames.where(up.sysid[of] == sysid), sysid, t_ns, grid_ns) for sysid in sysids.tolist()}
 
 
-def _packets_of_drones(frames: Frames) -> Iterator[tuple[int, Packet]]:
-    """Every packet of drones, with its datagram: decoded, or UnknownMessage where it says nothing of a link's state."""
-    codec = Codec(GROUND, reads=READS)
-    names = ("datagram", "number", "system", "component", "seq")
-    rows = zip(*(frames[name].tolist() for name in names), frames.each(), strict=True)
-    for datagram, number, system, component, seq, data in rows:
-        if number in READS:
-            yield from ((datagram, packet) for packet in codec.receive(data))
-        else:
-            yield datagram, Packet(Address(system, component), seq, UnknownMessage(number))
+def _history(frames: Frames, sysid: int, t_ns: Index, grid_ns: Index) -> History:
+    """One drone's. frames: of its datagrams; t_ns: of all; grid_ns: of the rows, those before its first frame too."""
+    grid_ns = np.append(grid_ns[:-1][grid_ns[:-1] > t_ns[frames["datagram"][0]]], grid_ns[-1])
+    frames = frames.where(frames["system"] == sysid)
+    states, read = _states(frames, sysid, t_ns, grid_ns)
+    columns = {name: np.array([getattr(state, name) for state in states]) for name in _FIELDS}
+    frames = frames.where(read)
+    received_ns, ages, ages_ms = t_ns[frames["datagram"]], *named_values(frames, AGE_NAME)
+    none: Losses = 0, None
+    lost = [count for count, _ in accumulate(frames["seq"].tolist(), lost_by, initial=none)]
+    columns["received"] = received = _before(received_ns, grid_ns)
+    columns["lost"] = np.array(lost)[received]
+    columns["silent_s"] = (grid_ns - np.append(0, received_ns)[received]) * 1e-9
+    columns["setpoint_age_ms"] = np.append(np.nan, ages_ms)[_before(t_ns[ages["datagram"]], grid_ns)]
+    columns["silent_s"][received == 0] = np.nan
+    return {"t_ns": grid_ns, **columns}
 
 
-def _columns(states: list[tuple[int, DroneLink]]) -> History:
-    columns: dict[str, NDArray[Any]] = {"t_ns": np.array([t_ns for t_ns, _ in states], np.int64)}
-    for name in (one.name for one in fields(DroneLink)):
-        columns[name] = np.array([getattr(link, name) for _, link in states])
-    return columns
+def _before(event_ns: Index, grid_ns: Index) -> Index:
+    """How many of the events there were before each row; the last row has them all."""
+    count = np.searchsorted(event_ns, grid_ns)
+    count[-1] = len(event_ns)
+    return count
+
+
+def _states(frames: Frames, sysid: int, t_ns: Index, grid_ns: Index) -> tuple[list[DroneLink], Bool]:
+    """What a drone's rare messages say of it, in each row; and which of the frames could be read."""
+    rare = np.isin(frames["number"], list(RARE))
+    of_rare, codec, view = frames.where(rare), Codec(GROUND, reads=RARE), LinkView(sysid)
+    packets = [codec.receive(data) for data in of_rare.each()]
+    read = ~rare
+    read[rare] = [bool(each) for each in packets]
+    rare_ns, states, done = t_ns[of_rare["datagram"]], list[DroneLink](), 0
+    for row_ns, count in zip(grid_ns.tolist(), _before(rare_ns, grid_ns).tolist(), strict=True):
+        for packet in chain.from_iterable(packets[done:count]):
+            view.update(packet, row_ns)
+        done = count
+        states.append(view.now(row_ns))
+    return states, read

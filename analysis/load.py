@@ -13,14 +13,15 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.reading import LONGEST_WORDS, read, scenario_of, stamps_ns
 from analysis.series import Columns, Index, Series
 from formation import topics
 from formation.config import LabConfig
 from formation.maths.arrays import Bool, Float
 from formation.messages import Event, LawFailure, OperatorReply, OperatorRequest, Phase, PhaseChange
 from formation.topics import Topic
-from wire.columns import Stacked
-from wire.logs.mcap_read import LogCheck, LogColumns, TopicColumns, holds_nothing, lab_of, read_columns
+from wire.columns import Stacked, stacked
+from wire.logs.mcap_read import LogCheck, TopicColumns, lab_of
 from wire.mavlink.frames import Frames, frames_in
 from wire.text import plain
 from wire.transport.frame_check import MOST_BODIES, are_poses
@@ -44,13 +45,7 @@ class Record(Protocol):
         """What was logged."""
 
 
-LONGEST_WORDS, LONGEST_TEXT = 200, 1 << 20
-STRAY_NS = 600_000_000_000
-STAMPS: Mapping[Topic, str] = MappingProxyType({
-    topics.MOCAP: "t_capture_ns", topics.STATE: "t_ns", topics.REFERENCE: "t_ns", topics.COMMAND: "t_ns",
-    topics.TARGET: "t_ns", topics.TRUTH: "t_ns",
-})  # fmt: skip
-"""What of a message is the time that it speaks of; of others that is when they were logged."""
+LONGEST_TEXT = 1 << 20
 READ: Mapping[Topic, tuple[str, ...]] = MappingProxyType({
     topics.MOCAP: ("t_receive_ns", "bodies", "pos_lab_m", "q_lab_from_flu", "seen", "rejected"),
     topics.REFERENCE: ("origin_lab_m", "heading_rad", "slot_lead_m", "slot_vel_lead_m_s", "in_formation"),
@@ -183,42 +178,8 @@ def load(path: Path) -> Flight:
 def load_checked(path: Path) -> tuple[Flight, LogCheck]:
     """Read an MCAP log, and in the same pass what it holds and what is wrong with it. Raises as `load`, and LogError
     where it holds no message of a flight."""
-    log, found = read(path, {**READ, **{topic: tuple(field.name for field in fields(topic.type)) for topic in RARE}})
-    return replace(_flight(log.metadata, log.begin_ns, log.topics), closed=found.closed), found
-
-
-def read(path: Path, names: Mapping[Topic, tuple[str, ...]]) -> tuple[LogColumns, LogCheck]:
-    """The columns that are named of a log, without messages whose stamps do not fit the log's own time, so that one
-    stamp of another year makes no endless grid; and what the log holds. Raises as `load_checked`.
-    """
-    log = read_columns(path, {topic: names.get(topic, ()) + _stamp(topic) for topic in topics.ALL})
-    if not log.topics:
-        raise holds_nothing(path, log.check.damage)
-    fits = {topic: _fits(topic, found, log.begin_ns) for topic, found in log.topics.items()}
-    strays = sum(int((~each).sum()) for each in fits.values())
-    if not strays:
-        return log, log.check
-    text = f"messages with stamps outside the log's own time, left out: {strays}"
-    check = replace(log.check, complete=False, damage="; ".join(filter(None, (log.check.damage, text))))
-    return replace(log, topics={topic: found.where(fits[topic]) for topic, found in log.topics.items()}), check
-
-
-def _stamp(topic: Topic) -> tuple[str, ...]:
-    return (STAMPS[topic],) if topic in STAMPS else ()
-
-
-def _fits(topic: Topic, found: TopicColumns, begin_ns: int) -> Bool:
-    """Whose times fit: time runs ahead by at most a second a record, as a ground records at least ten a second."""
-    low_ns, high_ns = begin_ns - STRAY_NS, begin_ns + STRAY_NS + found.number * 1_000_000_000
-    fits: Bool = np.ones(len(found.t_ns), np.bool_)
-    for times_ns in (found.t_ns, _stamps_ns(topic, found)):
-        fits &= (low_ns <= times_ns) & (times_ns <= high_ns)
-    return fits
-
-
-def _stamps_ns(topic: Topic, found: TopicColumns) -> Index:
-    """The times that messages speak of, else when they were logged."""
-    return found.fields[STAMPS[topic]].values if topic in STAMPS else found.t_ns
+    log = read(path, {**READ, **{topic: tuple(field.name for field in fields(topic.type)) for topic in RARE}})
+    return replace(_flight(log.metadata, log.begin_ns, log.topics), closed=log.check.closed), log.check
 
 
 def from_records(metadata: Mapping[str, str], records: Iterable[Record]) -> Flight:
@@ -275,9 +236,9 @@ def _flight(metadata: Mapping[str, str], begin_ns: int, found: Mapping[Topic, To
 def _columns(topic: Topic, found: TopicColumns, begin_ns: int) -> Columns:
     if not len(found.t_ns):
         return Columns(np.zeros(0), np.zeros(0), {}, np.zeros(0, np.int64))
-    stamps_ns = _stamps_ns(topic, found)
-    order = np.argsort(stamps_ns, kind="stable")
-    t_s, logged_s = (_seconds(times_ns[order] - begin_ns) for times_ns in (stamps_ns, found.t_ns))
+    times_ns = stamps_ns(topic, found)
+    order = np.argsort(times_ns, kind="stable")
+    t_s, logged_s = (_seconds(each[order] - begin_ns) for each in (times_ns, found.t_ns))
     return Columns(t_s, logged_s, found.fields, order)
 
 
@@ -294,14 +255,11 @@ def _seconds(t_ns: Index) -> Float:
 def traffic(topic: Topic, found: TopicColumns, begin_ns: int) -> Traffic:
     """The datagrams of one direction. begin_ns: when the log begins."""
     datagrams = _columns(topic, found, begin_ns)
-    pieces = datagrams.fields["data"].pieces() if len(datagrams) else []
-    frames = frames_in(pieces[k] for k in datagrams.order.tolist())
-    return Traffic(datagrams.t_s, datagrams["sysid"], datagrams["superseded"], frames)
-
-
-def scenario_of(metadata: Mapping[str, str]) -> str:
-    """The scenario's name; empty where there is none."""
-    return plain(metadata.get("scenario", ""), LONGEST_WORDS)
+    order = datagrams.order.tolist()
+    data = datagrams.fields["data"] if len(datagrams) else stacked([b""])
+    if order != sorted(order):
+        data = stacked([data.pieces()[k] for k in order])
+    return Traffic(datagrams.t_s, datagrams["sysid"], datagrams["superseded"], frames_in(*data.flat()))
 
 
 def _run(metadata: Mapping[str, str]) -> Run:

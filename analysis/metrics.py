@@ -20,10 +20,10 @@ from analysis.series import moving_average
 from analysis.tracking import Tracking, airborne, track, track_leader
 from formation.codes import FlightResult, Outcome
 from formation.maths.arrays import Float
+from wire.logs.views import AGE_NAME
 from wire.mavlink.frames import named_values, setpoints
 
 VIBRATION_WINDOW_S = 1.0
-AGE_NAME = "age_ms"
 COMMAND = np.dtype([("sysid", "u1"), ("t_boot_ms", "<u4"), ("ignore", "u1"), ("q", "<f8", 4), ("rate", "<f8", 3),
                     ("thrust", "<f8")])  # fmt: skip
 BREAK_S = 0.25  # a gap longer than this ends a stretch of flight
@@ -220,7 +220,7 @@ def link_behind(flight: Flight) -> Latency | None:
 
 def ages_ms(flight: Flight) -> Float:
     """Every reported setpoint age, all drones."""
-    return named_values(flight.up.frames, AGE_NAME)
+    return named_values(flight.up.frames, AGE_NAME)[1]
 
 
 def command_hash(flight: Flight) -> str:

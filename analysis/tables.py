@@ -55,8 +55,8 @@ def load(path: Path, wanted: Collection[str] | None = None) -> LogTables:
     has_link = wanted is None or LINK in wanted
     read = [topic for topic in topics.ALL if is_wanted[topic] or (topic is LINK_UP and has_link)]
     log = read_columns(path, {topic: [field.name for field in fields(topic.type)] for topic in read})
-    if not log.count:
-        raise holds_nothing(path)
+    if not log.topics:
+        raise holds_nothing(path, log.check.damage)
     clock = clock_of(log.metadata)
 
     def times(t_ns: NDArray[np.int64]) -> Table:
@@ -73,10 +73,10 @@ def load(path: Path, wanted: Collection[str] | None = None) -> LogTables:
 
 def names_of(path: Path) -> LogTables:
     """The same without a column in any table. Raises as `load`."""
-    log = read_columns(path, dict.fromkeys(topics.ALL, ()))
-    if not log.topics:
+    log = read_columns(path, {})
+    if not log.held:
         raise holds_nothing(path)
-    names = [topic.name for topic in log.topics] + [LINK] * (LINK_UP in log.topics)
+    names = [topic.name for topic in topics.ALL if topic in log.held] + [LINK] * (LINK_UP in log.held)
     return LogTables(log.metadata, {name: {} for name in names}, clock_of(log.metadata).unix_ns)
 
 

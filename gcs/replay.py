@@ -6,6 +6,7 @@ Outputs are compared as a log holds them: those of control's stages in single pr
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -122,8 +123,13 @@ class _RecordedOverruns:
     """The lab's own law takes too long where it did in flight, and nowhere else: formation.own_law.law.LawGuard."""
 
     def __init__(self, log: Log) -> None:
-        failures = (entry.message for entry in log.stored(topics.LAW_FAILURE))
-        self._reasons = {failure.t_ns: failure.reason for failure in failures if failure.overran}
+        self._log = log
+
+    @cached_property
+    def _reasons(self) -> dict[int, str]:
+        """By time; read where the flight had such a law."""
+        failures = (entry.message for entry in self._log.stored(topics.LAW_FAILURE))
+        return {failure.t_ns: failure.reason for failure in failures if failure.overran}
 
     def __call__(self, now_ns: int, call: Callable[[], Answer]) -> Answer:
         """The result of `call`."""

@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # what looks at arrays alone waits for no configuration
 M = TypeVar("M")
 START_MONOTONIC, START_UNIX = "start_monotonic_ns", "start_unix_ns"
 """Where a run's metadata say which date its stamps begin at; a log before version 0.2 says nothing of it."""
-BLOCK = 1 << 25
+BLOCK = 1 << 22
 """Bytes of messages that are looked at together."""
 _TOPICS = {topic.name: topic for topic in topics.ALL}
 _RECORD = struct.Struct("<xQ")
@@ -108,12 +108,12 @@ class TopicColumns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogColumns:
-    """What was asked of a log: by topic those that hold anything. begin_ns: when its first message was recorded; count:
-    of its messages, of any topic of ours."""
+    """What was asked of a log: by topic those that hold anything. begin_ns: when its first message was recorded; held:
+    the topics of ours that it has messages of."""
 
     metadata: Mapping[str, str]
     begin_ns: int
-    count: int
+    held: frozenset[Topic]
     topics: Mapping[Topic, TopicColumns]
     check: LogCheck
 
@@ -171,17 +171,17 @@ def read_columns(path: Path, wanted: Mapping[Topic, Collection[str]]) -> LogColu
     """
     damage = Damage()
     reading, parts = _Reading(path, damage), dict[Topic, list[TopicColumns]]()
-    begin_ns, number = 0, 0
+    begin_ns, number, held = 0, 0, set[Topic]()
     for block in reading.blocks():
-        if not number and len(block.t_ns):
-            begin_ns = int(block.t_ns[0])
+        begin_ns = begin_ns if number else int(block.t_ns[0])
+        held |= {reading.of(topics.ALL)[channel].topic for channel in np.unique(block.channels).tolist()}
         for topic, names in wanted.items():
             part = _gathered(block, reading.of((topic,)), names, damage, number)
             if len(part.t_ns):
                 parts.setdefault(topic, []).append(part)
         number += len(block.t_ns)
     found = {topic: _end_to_end(parts.pop(topic)) for topic in list(parts)}
-    return LogColumns(reading.metadata, begin_ns, number, found, _check(found, damage))
+    return LogColumns(reading.metadata, begin_ns, frozenset(held), found, _check(found, damage))
 
 
 def _end_to_end(parts: Sequence[TopicColumns]) -> TopicColumns:

@@ -150,8 +150,12 @@ def angles(q_lab_from_flu: Quats) -> Vec3s:
     return np.stack([roll, pitch, yaw], axis=1)
 
 
-READS = frozenset({0, 1, 147, 245, 251})
-"""HEARTBEAT, SYS_STATUS, BATTERY_STATUS, EXTENDED_SYS_STATE, NAMED_VALUE_FLOAT; other messages are not decoded."""
+RARE = frozenset({0, 1, 147, 245})
+"""HEARTBEAT, SYS_STATUS, BATTERY_STATUS, EXTENDED_SYS_STATE."""
+READS = RARE | {251}
+"""And NAMED_VALUE_FLOAT; other messages are not decoded."""
+AGE_NAME = "age_ms"
+"""Of a setpoint's age, as drones report it."""
 _NAN = float("nan")
 
 
@@ -192,11 +196,12 @@ class LinkView:
             self.update(packet, t_ns)
 
     def update(self, packet: Packet, t_ns: int) -> None:
-        """Receive a packet, of a message not in READS as UnknownMessage."""
+        """Receive a packet of any drone, of a message not in READS as UnknownMessage."""
         if packet.source.system != self._sysid:
             return
         self._received_ns = t_ns
-        self._count(packet.seq)
+        self._received += 1
+        self._lost, self._seq = lost_by((self._lost, self._seq), packet.seq)
         match packet.message:
             case Heartbeat() as heartbeat if packet.source.component == 1:
                 self._armed, self._mode = heartbeat.armed, heartbeat.custom_mode
@@ -206,7 +211,7 @@ class LinkView:
                 self._battery_v, self._battery = sum(battery.cell_v), _share(battery.remaining)
             case ExtendedSysState() as state:
                 self._landed = state.landed
-            case NamedValue(name="age_ms") as age:
+            case NamedValue(name=name) as age if name == AGE_NAME:
                 self._age_ms = age.value
 
     def now(self, t_ns: int) -> DroneLink:
@@ -217,15 +222,21 @@ class LinkView:
             self._armed, self._landed, self._mode,
         )  # fmt: skip
 
-    def _count(self, seq: int) -> None:
-        """A step of more than half the circle is a packet overtaken on the way: it was counted as lost."""
-        step = 1 if self._seq is None else (seq - self._seq) % 256
-        self._received += 1
-        if step == 0 or step > 128:
-            self._lost = max(self._lost - 1, 0)
-        else:
-            self._lost += step - 1
-            self._seq = seq
+
+Losses = tuple[int, int | None]
+"""How many packets are lost; the newest one's number."""
+
+
+def lost_by(before: Losses, seq: int) -> Losses:
+    """The losses with one more packet; before: without it.
+
+    A step of more than half the circle is a packet overtaken on the way: it was counted as lost.
+    """
+    lost, newest = before
+    step = 1 if newest is None else (seq - newest) % 256
+    if step == 0 or step > 128:
+        return max(lost - 1, 0), newest
+    return lost + step - 1, seq
 
 
 def _share(remaining: float) -> float:

@@ -1,6 +1,6 @@
 """The MAVLink of many datagrams at once: all frames in one table, and the fields of one message as columns."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,9 +9,19 @@ from numpy.typing import NDArray
 
 from formation.maths.arrays import Bool, Float
 from formation.maths.frames import IDENTITY
-from wire.columns import Index, windows
+from wire.columns import Bytes, Index, windows
 from wire.link_messages import BROADCAST, DRONE_COMPONENT, Ignore, MessageId
-from wire.mavlink.framing import FrameCutter, Layout, field_codes
+from wire.mavlink.framing import (
+    CRC_EXTRA,
+    FRAMES_MOST,
+    LARGEST_DATAGRAM,
+    MAGIC_2,
+    SIGNATURE_BYTES,
+    SIGNED,
+    FrameCutter,
+    Layout,
+    field_codes,
+)
 from wire.mavlink.messages import READERS, SET_ATTITUDE_TARGET
 
 _TABLE = np.dtype(
@@ -20,6 +30,19 @@ _TABLE = np.dtype(
         ("system", "u1"), ("component", "u1"), ("seq", "u1"),
     ]
 )  # fmt: skip
+
+
+_HEAD = np.dtype(
+    [
+        ("magic", "u1"), ("size", "u1"), ("flags", "u1"), ("compatible", "u1"), ("seq", "u1"), ("system", "u1"),
+        ("component", "u1"), ("low", "<u2"), ("high", "u1"),
+    ]
+)  # fmt: skip
+_LEAST = _HEAD.itemsize + 2
+"""Bytes of a frame without payload."""
+_BYTE = np.arange(256) ^ np.arange(256) << 4 & 0xFF
+_CRC = (_BYTE << 8 ^ _BYTE << 3 ^ _BYTE >> 4).astype(np.uint16)
+"""CRC-16/MCRF4XX of one byte."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,16 +99,63 @@ def _wide(column: NDArray[Any]) -> NDArray[Any]:
     return column if column.dtype.kind == "S" else column.astype(np.float64 if column.dtype.kind == "f" else np.int64)
 
 
-def frames_in(datagrams: Iterable[bytes]) -> Frames:
-    """All frames of datagrams, as a codec finds them."""
-    cut, frames, rows, start = FrameCutter().cut, list[bytes](), list[tuple[int, ...]](), 0
-    for k, datagram in enumerate(datagrams):
-        for frame in cut(datagram):
+def frames_in(data: Bytes, lengths: Index) -> Frames:
+    """All frames of datagrams (D,), as a codec finds them. data: theirs, end to end; lengths: of each.
+
+    Datagrams of nothing but MAVLink 2, nearly all, are cut together, the others one by one.
+    """
+    whole, stops = data.tobytes(), np.cumsum(lengths)
+    at, is_regular, parts = stops - lengths, np.ones(len(lengths), np.bool_), list[NDArray[Any]]()
+    left = np.flatnonzero((lengths > 0) & (lengths <= LARGEST_DATAGRAM))
+    for _ in range(FRAMES_MOST):
+        is_sound, part = _next_frames(data, left, at[left], stops[left])
+        is_regular[left[~is_sound]] = False
+        parts.append(part)
+        left = left[is_sound]
+        at[left] = part["stop"]
+        left = left[at[left] < stops[left]]
+    frames, rows, start = [whole], list[tuple[int, ...]](), len(whole)
+    for k in np.flatnonzero(~is_regular).tolist():
+        for frame in FrameCutter().cut(whole[stops[k] - lengths[k] : stops[k]]):
             stop, size = start + len(frame.data), len(frame.payload)
             rows.append((k, start, stop, start + frame.head, size, frame.number, *frame.source, frame.seq))
             frames.append(frame.data)
             start = stop
-    return Frames(b"".join(frames), np.array(rows, _TABLE))
+    table = np.concatenate([*(part[is_regular[part["datagram"]]] for part in parts), np.array(rows, _TABLE)])
+    return Frames(b"".join(frames), table[np.argsort(table["datagram"], kind="stable")])
+
+
+def _next_frames(data: Bytes, datagrams: Index, at: Index, stops: Index) -> tuple[Bool, NDArray[Any]]:
+    """Of each datagram whether a sound frame of MAVLink 2 starts at `at`; and those frames."""
+    index = np.flatnonzero(stops - at >= _LEAST)
+    heads = windows(data, _HEAD.itemsize)[at[index]].view(_HEAD)
+    ends = at[index] + _LEAST + heads["size"] + SIGNATURE_BYTES * (heads["flags"] == SIGNED)
+    whole = (heads["magic"] == MAGIC_2) & (heads["flags"] <= SIGNED) & (ends <= stops[index])
+    index, heads = index[whole], heads[whole]
+    table = np.empty(len(index), _TABLE)
+    table["datagram"], table["start"], table["stop"] = datagrams[index], at[index], ends[whole]
+    table["payload"], table["number"] = at[index] + _HEAD.itemsize, heads["low"] | heads["high"].astype(np.int64) << 16
+    for name in ("size", "system", "component", "seq"):
+        table[name] = heads[name]
+    is_sealed = _are_sealed(data, table)
+    is_sound = np.zeros(len(datagrams), np.bool_)
+    is_sound[index[is_sealed]] = True
+    return is_sound, table[is_sealed]
+
+
+def _are_sealed(data: Bytes, table: NDArray[Any]) -> Bool:
+    """Whose checksum, CRC-16/MCRF4XX, is right; False of a message that is in no dialect of ours."""
+    seeds = np.array([CRC_EXTRA.get(number, -1) for number in table["number"].tolist()], np.int64)
+    crc, sealed = np.full(len(table), 0xFFFF, np.uint16), np.zeros(len(table), np.uint16)
+    for size in np.unique(table["size"]).tolist():
+        of_size = table["size"] == size
+        columns = windows(data, _LEAST + size)[table["start"][of_size]].view(np.uint8).reshape(-1, _LEAST + size).T
+        found = crc[of_size]
+        for byte in (*columns[1:-2], seeds[of_size].astype(np.uint8)):
+            found = found >> 8 ^ _CRC[(found ^ byte) & 0xFF]
+        crc[of_size], sealed[of_size] = found, columns[-2] | columns[-1].astype(np.uint16) << 8
+    is_sealed: Bool = (crc == sealed) & (seeds >= 0)
+    return is_sealed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +207,9 @@ def stamps(frames: Frames) -> tuple[Frames, Index]:
     return frames.where(read), t_boot_ms[read]
 
 
-def named_values(frames: Frames, name: str) -> Float:
-    """Every NAMED_VALUE_FLOAT of that name."""
-    _, names, values = frames.of(MessageId.NAMED_VALUE_FLOAT).fields(READERS[MessageId.NAMED_VALUE_FLOAT][0])
-    return np.asarray(values[names == name.encode()], np.float64)
+def named_values(frames: Frames, name: str) -> tuple[Frames, Float]:
+    """Every NAMED_VALUE_FLOAT of that name, and its value."""
+    frames = frames.of(MessageId.NAMED_VALUE_FLOAT)
+    _, names, values = frames.fields(READERS[MessageId.NAMED_VALUE_FLOAT][0])
+    named: Bool = names == name.encode()
+    return frames.where(named), values[named]

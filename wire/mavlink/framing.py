@@ -28,8 +28,8 @@ datagram (most do) never meets it."""
 _PACKED_BYTES = 1200
 # On a line that noise and restarts cut anywhere, false starts are what is bounded, by the bytes read.
 _FALSE_STARTS, _BYTES_A_FALSE_START = 8, 32
-MAGIC_1, _MAGIC_2 = 0xFE, 0xFD
-_MAGICS = (MAGIC_1, _MAGIC_2)
+MAGIC_1, MAGIC_2 = 0xFE, 0xFD
+_MAGICS = (MAGIC_1, MAGIC_2)
 SIGNED, SIGNATURE_BYTES = 0x01, 13
 _OVERHEAD_1, _OVERHEAD_2 = 8, 12
 _HEAD_1, _HEAD_2 = struct.Struct("<xBBBBB"), struct.Struct("<xBxxBBBHB")
@@ -152,7 +152,7 @@ class FrameCutter:
         frames: list[Frame] = []
         at = 0
         while at < end and tries:
-            if buffer[at] == _MAGIC_2 and end - at >= _OVERHEAD_2 and not buffer[at + 2]:
+            if buffer[at] == MAGIC_2 and end - at >= _OVERHEAD_2 and not buffer[at + 2]:
                 stop = at + _OVERHEAD_2 + buffer[at + 1]  # as _stop has it: nearly every frame is one of these
             else:
                 stop = _stop(buffer, at, end)
@@ -180,7 +180,7 @@ def packed(frames: bytes) -> list[bytes]:
     datagrams: list[bytes] = []
     start = at = count = 0
     end = len(frames)
-    if end and frames[0] == _MAGIC_2 and not frames[2] and end == _OVERHEAD_2 + frames[1]:
+    if end and frames[0] == MAGIC_2 and not frames[2] and end == _OVERHEAD_2 + frames[1]:
         return [frames]
     while at < end:
         stop = _stop(frames, at, end)
@@ -195,7 +195,7 @@ def framed(layout: Layout, payload: bytes, source: Address, seq: int) -> bytes:
     """One MAVLink 2 frame, unsigned."""
     number = layout.id
     head = _WRITTEN_2.pack(
-        _MAGIC_2, len(payload), 0, 0, seq, source.system, source.component, number & 0xFFFF, number >> 16
+        MAGIC_2, len(payload), 0, 0, seq, source.system, source.component, number & 0xFFFF, number >> 16
     )
     crc: int = _mcrf4xx(head[1:] + payload + _SEED[layout.crc_extra])
     return head + payload + crc.to_bytes(2, "little")
@@ -217,7 +217,7 @@ def resealed(frame: bytes, flags: int, seq: int | None = None) -> bytes | None:
 
     seq: another sequence number; None: the same. Returns None for MAVLink 1, and for what is in no dialect of ours.
     """
-    if frame[0] != _MAGIC_2:
+    if frame[0] != MAGIC_2:
         return None
     crc_extra = CRC_EXTRA.get(frame[7] | frame[8] << 8 | frame[9] << 16)
     if crc_extra is None:
@@ -240,7 +240,7 @@ def _stop(buffer: bytes, at: int, end: int) -> int:
     Beyond `end` where the frame, or the head itself, is not whole yet.
     """
     magic = buffer[at]
-    if magic == _MAGIC_2:
+    if magic == MAGIC_2:
         if end - at < 3:
             return end + 1
         flags = buffer[at + 2]
@@ -257,7 +257,7 @@ def _frame(buffer: bytes, at: int, stop: int) -> Frame | None:
 
     A message that is in no dialect of ours cannot be checked: it is believed if a frame, or nothing, follows it.
     """
-    if buffer[at] == _MAGIC_2:
+    if buffer[at] == MAGIC_2:
         size, seq, system, component, low, high = _HEAD_2.unpack_from(buffer, at)
         number, start = low | high << 16, at + 10
     else:
@@ -275,7 +275,7 @@ def _frame(buffer: bytes, at: int, stop: int) -> Frame | None:
 
 def _next_magic(buffer: bytes, at: int) -> int:
     """Index of the next byte that could start a frame, or the buffer's length."""
-    second = buffer.find(_MAGIC_2, at)
+    second = buffer.find(MAGIC_2, at)
     first = buffer.find(MAGIC_1, at) if second < 0 else buffer.find(MAGIC_1, at, second)
     if first >= 0:
         return first

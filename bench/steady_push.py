@@ -14,10 +14,9 @@ from rich.table import Table
 
 from bench.command import FAILED, Json, Only, Seeds, Vehicle
 from formation.vehicle.profile import PAPER_40G, VehicleProfile
-from sim import lockstep
 from sim.cli.studies import vehicle_profile, without_nan
 from sim.scenario import Scenario, TrueVehicle
-from sim.studies import experiments
+from sim.studies import experiments, host
 from sim.studies.experiments import Experiment, Job
 from sim.studies.push import Settling, settling
 from sim.studies.runner import Runner
@@ -64,8 +63,8 @@ def scenario_of(job: Push) -> Scenario:
 
 def fly(job: Push) -> Settling:
     """Fly the job and measure it."""
-    flown, flight = lockstep.run_and_load(scenario_of(job), job.seed)
-    return settling(flight, flown.outcome.result)
+    result, flight = host.fly(scenario_of(job), job.seed)
+    return settling(flight, result)
 
 
 def table(jobs: Sequence[Push], flown: Sequence[Settling]) -> Table:

@@ -91,6 +91,10 @@ class FlightResult(StrEnum):
     STARVED = "starved"  # no flight: the machine gave a simulator too little time
 
 
+GOOD_RESULTS = frozenset({FlightResult.LANDED, FlightResult.HELD})
+"""Of a flight that ended as it was asked to."""
+
+
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """How a flight ended, and why, where that is not as it was asked to."""
@@ -101,7 +105,7 @@ class Outcome:
     @property
     def is_good(self) -> bool:
         """Whether it ended as it was asked to."""
-        return self.result in (FlightResult.LANDED, FlightResult.HELD)
+        return self.result in GOOD_RESULTS
 
     def __str__(self) -> str:
         return f"{self.result}: {self.reason}" if self.reason else self.result.value

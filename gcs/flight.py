@@ -6,7 +6,7 @@ from math import hypot
 
 import numpy as np
 
-from formation.config import CONFIGURED, LabConfig
+from formation.config import CONFIGURED, FlightConfig, LabConfig
 from formation.control.stack import Stages
 from formation.guidance.plan import IDLE, Mode, Plan, Setpoint
 from formation.guidance.preview import trajectory_from
@@ -258,7 +258,7 @@ class Flight:
             if drone.leaving_to is not None and phase in (Phase.HOLD, Phase.FORMATION):
                 continue
             drone.leaving_to = None
-            drone.lead_to(self._setpoint(), _GOALS.get(phase, Goal.LEAVE), now_ns)
+            drone.lead_to(setpoint_in(phase, self.config.flight), _GOALS.get(phase, Goal.LEAVE), now_ns)
             if phase is Phase.LAND and not drone.lifted:
                 drone.stay_down(now_ns)
             if phase is Phase.LAND and before is Phase.GROUND:
@@ -272,18 +272,6 @@ class Flight:
             drone.detect_lift_off((x_m, y_m, z_m), ages_s[drone.index] < SEEN_S, thrust_norm)
             if steady and drone.leaving_to is None:
                 drone.update_flying_thrust(thrust_norm)
-
-    def _setpoint(self) -> Setpoint:
-        flight = self.config.flight
-        match self.phase:
-            case Phase.TAKEOFF:
-                return take_off_setpoint(flight.altitude_m, flight.climb_m_s)
-            case Phase.FORMATION:
-                return Setpoint(Mode.FORMATION, speed_m_s=flight.formation_change_m_s)
-            case Phase.HOLD | Phase.LAND:  # a landing begins where its first frame sees everybody
-                return hold_setpoint(flight.climb_m_s)
-            case _:
-                return IDLE
 
     def _watch_arming(self, stages: Stages | None, now_ns: int) -> None:
         unready = [drone for drone in self._drones if not drone.reached]
@@ -331,14 +319,8 @@ class Flight:
             self._watch_height(stages, now_ns)
 
     def _watch_height(self, stages: Stages, now_ns: int) -> None:
-        """At height: led up to it and at rest there, and risen to it. What is asked of it next begins from where it is
-        led: from a reference that still slows down, a hold would brake to rest some centimetres below."""
-        height_m, flown = self.config.flight.altitude_m, [i for i, drone in enumerate(self._drones) if drone.flown]
-        bodies = [self._drones[i].index for i in flown]
-        away_m = np.abs(stages.state.pos_lab_m[bodies, 2] - height_m)
-        led_away_m = np.abs(stages.reference.slot_lead_m[flown, 2] - height_m)
-        at_rest = np.abs(stages.reference.slot_acc_lead_m_s2[flown]) < LED_AT_REST_M_S2
-        if bool((away_m < AT_HEIGHT_M).all() and (led_away_m < LED_THERE_M).all() and at_rest.all()):
+        flown = [i for i, drone in enumerate(self._drones) if drone.flown]
+        if are_at_height(stages, flown, [self._drones[i].index for i in flown], self.config.flight.altitude_m):
             self.pull(Trigger.AT_HEIGHT, Cause.AT_HEIGHT, "every drone is at its height", now_ns)
 
     def _watch_joining(self, now_ns: int) -> None:
@@ -350,9 +332,7 @@ class Flight:
 
     def _watch_slots(self, stages: Stages, now_ns: int) -> None:
         """Start the leader's trajectory once every slot has been taken for a second."""
-        slots_m = stages.reference.slot_lead_m[-len(self.config.followers) :]
-        away_m = np.linalg.norm(slots_m - self.shape.offsets, axis=-1)[self.forming]
-        if float(away_m.max()) > IN_SLOT_M:
+        if float(slot_distances_m(stages, self.shape)[self.forming].max()) > IN_SLOT_M:
             self._settled_since_ns = None
         elif self._settled_since_ns is None:
             self._settled_since_ns = now_ns
@@ -480,6 +460,38 @@ def done_text(flight: Flight) -> str:
     without = f", without {', '.join(flight.excluded)}" if flight.excluded else ""
     after = f"; {AFTER_STOP}" if flight.phase is Phase.STOPPED else ""
     return f"phase {flight.phase.name}, shape {flight.shape.name}{trajectory}{without}{after}"
+
+
+def setpoint_in(phase: Phase, flight: FlightConfig) -> Setpoint:
+    """What every drone is led to in a phase."""
+    match phase:
+        case Phase.TAKEOFF:
+            return take_off_setpoint(flight.altitude_m, flight.climb_m_s)
+        case Phase.FORMATION:
+            return Setpoint(Mode.FORMATION, speed_m_s=flight.formation_change_m_s)
+        case Phase.HOLD | Phase.LAND:  # a landing begins where its first frame sees everybody
+            return hold_setpoint(flight.climb_m_s)
+        case _:
+            return IDLE
+
+
+def are_at_height(stages: Stages, flown: Sequence[int], bodies: Sequence[int], height_m: float) -> bool:
+    """Whether the drones `flown` (among the commanded; bodies: among the vehicles) have risen to their height.
+
+    They are led up to it and at rest there, and are there. What is asked of them next begins from where they are led:
+    from a reference that still slows down, a hold would brake to rest some centimetres below.
+    """
+    away_m = np.abs(stages.state.pos_lab_m[bodies, 2] - height_m)
+    led_away_m = np.abs(stages.reference.slot_lead_m[flown, 2] - height_m)
+    at_rest = np.abs(stages.reference.slot_acc_lead_m_s2[flown]) < LED_AT_REST_M_S2
+    return bool((away_m < AT_HEIGHT_M).all() and (led_away_m < LED_THERE_M).all() and at_rest.all())
+
+
+def slot_distances_m(stages: Stages, shape: Shape) -> Float:
+    """How far each follower is led from its slot of the shape, (followers,)."""
+    offsets = shape.offsets
+    distances_m: Float = np.linalg.norm(stages.reference.slot_lead_m[-len(offsets) :] - offsets, axis=-1)
+    return distances_m
 
 
 def _why_not_armed(drone: Drone) -> str:

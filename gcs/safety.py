@@ -204,14 +204,14 @@ class Lateness:
 
 
 class FactGatherer:
-    """The facts of one lab; what a body has no link for reads as healthy."""
+    """The facts of one lab; what a body has no link for reads as healthy. drones: those with a link."""
 
     def __init__(self, config: LabConfig, drones: tuple[Drone, ...]) -> None:
         self._names = tuple(v.body for v in config.vehicles)
         self._drones = drones
-        self._own = np.array([drone.index for drone in drones])
+        self._own = np.array(config.commanded)
         self._commanded = np.isin(np.arange(len(self._names)), self._own)
-        self._attitudes = AttitudeMonitor(len(self._names))
+        self.attitudes = AttitudeMonitor(len(self._names))
         self._own_mocap = config.mocap.source == "mavlink"
 
     def compare_attitudes(self, frame: LabFrame | None) -> None:
@@ -219,7 +219,7 @@ class FactGatherer:
         if self._own_mocap:
             return
         if frame is not None:
-            self._attitudes.receive_frame(frame)
+            self.attitudes.receive_frame(frame)
         which, stamps_ns, attitudes = list[int](), list[int](), list[Quat]()
         for drone in self._drones:
             own = drone.link.attitudes
@@ -229,11 +229,11 @@ class FactGatherer:
                 attitudes.append(q_lab_from_flu)
             own.clear()
         if which:
-            self._attitudes.receive_attitudes(np.array(which), np.array(stamps_ns), np.array(attitudes))
+            self.attitudes.receive_attitudes(np.array(which), np.array(stamps_ns), np.array(attitudes))
 
     def level_bias_rad(self) -> Float:
         """Level bias of each commanded vehicle's autopilot (m, 2), 0 where not known; `correct_level` takes it out."""
-        return self._attitudes.level_bias_rad(self._own)
+        return self.attitudes.level_bias_rad(self._own)
 
     def hover_thrusts_norm(self) -> Scalars:
         """The thrust that hovers each commanded vehicle (m)."""
@@ -270,7 +270,7 @@ class FactGatherer:
             model_mismatch=model_mismatch,
             own_pos_lab_m=np.array(own_pos),
             own_tilt_rad=own_tilts,
-            attitude_innovation_rad=self._attitudes.innovation_rad,
+            attitude_innovation_rad=self.attitudes.innovation_rad,
             heartbeat_age_s=heartbeats,
             silent_s=silences,
             link_behind_s=behind,

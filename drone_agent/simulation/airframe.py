@@ -13,7 +13,7 @@ from drone_agent.flight.vehicle import ImuSample
 from drone_agent.guard.position import LoopSetpoint
 from drone_agent.simulation.attitude_loop import OWN, WHOLE_MOTORS, Physics, turn_target
 from drone_agent.simulation.battery import BatteryPack
-from drone_agent.simulation.disturbance import Disturbance, acceleration
+from drone_agent.simulation.disturbance import Disturbance, push_into
 from drone_agent.simulation.inertial import WINDOW_NS, InertialSensor
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.frames import IDENTITY, from_yaw
@@ -168,5 +168,6 @@ class Airframe:
         self._turned_from = self.setpoint
 
     def _disturbance(self) -> Vec3:
-        x, y, z = self.state.pos_lab_m.tolist()
-        return np.array(acceleration(self._air, (self.t_ns - self._t0_ns) * 1e-9, (x, y, z), self.profile.reach_m))
+        push = np.empty(3)
+        push_into(self._air.air, (self.t_ns - self._t0_ns) * 1e-9, self.state.pos_lab_m, self.profile.reach_m, push)
+        return push

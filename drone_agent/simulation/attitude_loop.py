@@ -55,7 +55,7 @@ def advance(
     if not 0.0 < dt_s <= STEP_MAX_S:
         raise ValueError(f"attitude loop step must lie in (0, {STEP_MAX_S}] s, got {dt_s}")
     x = state.x.copy()
-    _advance(
+    advance_into(
         x,
         profile.numbers,
         setpoint.target,
@@ -133,7 +133,7 @@ def mix(collective_n: float, torque: Float, numbers: Float, motor_max_n: float, 
 
 
 @kernel
-def _advance(
+def advance_into(
     x: Float, numbers: Float, target: Float, armed: bool, thrust_scale: float, motor_gain: Float,
     dist_lab_m_s2: Float, dt_s: float, steps: int,
 ) -> None:  # fmt: skip

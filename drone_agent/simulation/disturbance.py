@@ -3,13 +3,19 @@
 A pure function of time and place, so that a lockstep run, a real-time run and an analysis see the same gust.
 """
 
+from dataclasses import dataclass
+from functools import cached_property
 from math import cos, exp, hypot, pi, sin
 
+import numpy as np
+
+from formation.maths.arrays import Float, Vec3
+from formation.maths.kernel import kernel
+from formation.maths.records import Rows, rows
 from formation.model import Model, Positive, Vec3Tuple
 
 STILL: Vec3Tuple = (0.0, 0.0, 0.0)
 JET_WIDTH = 0.081  # of a jet's Gaussian, per distance from its nozzle, as Albertson et al. measured it
-ROTORS = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
 
 
 class SweptFan(Model):
@@ -30,23 +36,43 @@ class SweptFan(Model):
     start_s: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Air:
+    """A disturbance as kernels read it; a record. Without a fan, peak_m_s2 is 0."""
+
+    wind_lab_m_s2: Vec3
+    fan_pos_lab_m: Vec3
+    heading_rad: float
+    sweep_rad: float
+    period_s: float
+    phase_s: float
+    diameter_m: float
+    peak_m_s2: float
+    start_s: float
+
+
 class Disturbance(Model):
     """Everything that pushes: a steady wind's acceleration in `lab`, and a fan or none."""
 
     wind_lab_m_s2: Vec3Tuple = STILL
     fan: SweptFan | None = None
 
-    @property
-    def is_still(self) -> bool:
-        """Whether nothing ever pushes."""
-        return self.fan is None and self.wind_lab_m_s2 == STILL
+    @cached_property
+    def air(self) -> Rows[Air]:
+        """The same, one record."""
+        fan = self.fan or SweptFan(peak_m_s2=0.0)
+        shape = (fan.heading_rad, fan.sweep_rad, fan.period_s, fan.phase_s, fan.diameter_m, fan.peak_m_s2, fan.start_s)
+        return rows(Air, [Air(np.array(self.wind_lab_m_s2), np.array(fan.pos_lab_m), *shape)])
 
 
-def fan_heading_rad(fan: SweptFan, t_s: float) -> float:
+@kernel
+def fan_heading_rad(air: Rows[Air], t_s: float) -> float:
     """Where the fan points at `t_s`, rad about lab z: its crank swings it sinusoidally about `heading_rad`."""
+    fan = air[0]
     return fan.heading_rad + fan.sweep_rad * sin(2.0 * pi * (t_s - fan.phase_s) / fan.period_s)
 
 
+@kernel
 def jet_speed(distance_m: float, aside_m: float, diameter_m: float) -> float:
     """Speed of a round jet over its speed at the fan, at a distance along its axis and a distance off it."""
     if distance_m <= 0.0:
@@ -57,27 +83,31 @@ def jet_speed(distance_m: float, aside_m: float, diameter_m: float) -> float:
     return min(0.5 * diameter_m / width_m, 1.0) * exp(-0.5 * off * off)
 
 
-def fan_acceleration(fan: SweptFan, t_s: float, pos_lab_m: Vec3Tuple) -> Vec3Tuple:
-    """The fan's push at a place, m/s^2 in `lab`: along its axis, zero before `start_s`."""
-    if t_s < fan.start_s:
-        return STILL
-    heading = fan_heading_rad(fan, t_s)
-    c, s = cos(heading), sin(heading)
-    dx, dy, dz = (p - f for p, f in zip(pos_lab_m, fan.pos_lab_m, strict=True))
-    push = fan.peak_m_s2 * jet_speed(c * dx + s * dy, hypot(c * dy - s * dx, dz), fan.diameter_m) ** 2
-    return push * c, push * s, 0.0
+@kernel
+def push_into(air: Rows[Air], t_s: float, pos_lab_m: Float, reach_m: float, push: Float) -> None:
+    """What the air does to a vehicle at pos_lab_m (3) at t_s, into push (3): m/s^2 in `lab`.
 
-
-def acceleration(disturbance: Disturbance, t_s: float, pos_lab_m: Vec3Tuple, reach_m: float = 0.0) -> Vec3Tuple:
-    """What the air does to a vehicle at `pos_lab_m` at time `t_s`: m/s^2 in `lab`.
-
-    reach_m: of its rotors along both horizontal axes; a gust pushes at the four of them.
+    reach_m: of its rotors along both horizontal axes; the fan, which blows from its start on, pushes at the four of
+    them, along its axis.
     """
-    wx, wy, wz = disturbance.wind_lab_m_s2
-    if disturbance.fan is None:
-        return wx, wy, wz
-    x, y, z = pos_lab_m
-    for ox, oy in ROTORS:
-        gx, gy, gz = fan_acceleration(disturbance.fan, t_s, (x + ox * reach_m, y + oy * reach_m, z))
-        wx, wy, wz = wx + 0.25 * gx, wy + 0.25 * gy, wz + 0.25 * gz
-    return wx, wy, wz
+    fan = air[0]
+    for axis in range(3):
+        push[axis] = fan.wind_lab_m_s2[axis]
+    if fan.peak_m_s2 == 0.0 or t_s < fan.start_s:
+        return
+    heading = fan_heading_rad(air, t_s)
+    c, s = cos(heading), sin(heading)
+    dz = pos_lab_m[2] - fan.fan_pos_lab_m[2]
+    for rotor in range(4):
+        dx = pos_lab_m[0] - fan.fan_pos_lab_m[0] + (reach_m if rotor < 2 else -reach_m)
+        dy = pos_lab_m[1] - fan.fan_pos_lab_m[1] + (reach_m if rotor % 2 == 0 else -reach_m)
+        speed = jet_speed(c * dx + s * dy, hypot(c * dy - s * dx, dz), fan.diameter_m)
+        push[0] += 0.25 * fan.peak_m_s2 * speed * speed * c
+        push[1] += 0.25 * fan.peak_m_s2 * speed * speed * s
+
+
+def acceleration(disturbance: Disturbance, t_s: float, pos_lab_m: Vec3Tuple, reach_m: float = 0.0) -> Vec3:
+    """`push_into` of one place: m/s^2 in `lab` (3)."""
+    push = np.empty(3)
+    push_into(disturbance.air, t_s, np.array(pos_lab_m), reach_m, push)
+    return push

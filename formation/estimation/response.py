@@ -53,9 +53,17 @@ def no_history(vehicles: int) -> Rows[SentCommands]:
 def remember(history: Rows[SentCommands], t_ns: int, force: Float) -> Rows[SentCommands]:
     """The history with the command sent at t_ns added and the oldest forgotten; force (m, 4) as in SentCommands."""
     new = like(history)
-    new["t_ns"][:, :-1], new["t_ns"][:, -1] = history["t_ns"][:, 1:], t_ns
-    new["force"][:, :-1], new["force"][:, -1] = history["force"][:, 1:], force
+    _remember(history, t_ns, np.ascontiguousarray(force), new)
     return new
+
+
+@kernel
+def _remember(history: Rows[SentCommands], t_ns: int, force: Float, new: Rows[SentCommands]) -> None:
+    for i in range(len(history)):
+        new[i].t_ns[:-1] = history[i].t_ns[1:]
+        new[i].force[:-1] = history[i].force[1:]
+        new[i].t_ns[-1] = t_ns
+        new[i].force[-1] = force[i]
 
 
 @kernel

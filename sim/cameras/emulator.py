@@ -128,15 +128,28 @@ class MocapEmulator:
 
     def expose(self, truths: Mapping[int, Truth]) -> None:
         """Take one frame at `next_exposure_ns`; truths: by sysid, at that time or little before it."""
+        t_ns, carried = self.next_exposure_ns, np.zeros(len(self._bodies), np.bool_)
+        for i, sysid in enumerate(self._sysids):
+            truth = truths.get(sysid) if sysid is not None else None
+            if truth is None or t_ns - truth.t_ns > TRUTH_LIVES_NS:
+                continue
+            carried[i] = True
+            row = self._truth[i]
+            row[0] = (t_ns - truth.t_ns) * 1e-9
+            row[1:4], row[4:7] = truth.pos_lab_m, truth.vel_lab_m_s
+            row[7:11], row[11:14] = truth.q_lab_from_flu, truth.rate_flu_rad_s
+        self.expose_states(self._truth, carried)
+
+    def expose_states(self, truth: Float, carried: Bool) -> None:
+        """Take one frame of true states (n, 14), as `measure_poses` has them; carried (n): which bodies have one."""
         t_ns = self.next_exposure_ns
         n = len(self._bodies)
         noise = self._rng.standard_normal((n, 6)) * self._noise
-        luck = self._rng.random(n)
+        seen: Bool = self._rng.random(n) >= self._config.occluded_share
         hidden = self._hidden_by_gaps(t_ns)
-        seen = luck >= self._config.occluded_share
         if hidden:
             seen &= np.array([body not in hidden for body in self._bodies])
-        self._measure_poses(t_ns, truths, seen, noise)
+        self._measure_poses(t_ns, truth, carried, seen, noise)
         if None not in hidden:
             self._send(t_ns, RawFrame(self._seq, t_ns, self._bodies, self._pos.copy(), self._q.copy(), seen))
         self._seq += 1
@@ -166,22 +179,13 @@ class MocapEmulator:
                 self.cable.push(t_ns, each)
             self._unsent = []
 
-    def _measure_poses(self, t_ns: int, truths: Mapping[int, Truth], seen: Bool, noise: Float) -> None:
+    def _measure_poses(self, t_ns: int, truth: Float, carried: Bool, seen: Bool, noise: Float) -> None:
         """Fill in the poses of the bodies in sight; the others keep their last pose and lose their flag in `seen`.
 
         A recording that plays brings its own noise along; held still, it is given the emulator's.
         """
-        carried = np.zeros(len(seen), np.bool_)
-        for i, sysid in enumerate(self._sysids):
-            truth = truths.get(sysid) if sysid is not None else None
-            if truth is None or t_ns - truth.t_ns > TRUTH_LIVES_NS:
-                continue
-            carried[i] = seen[i]
-            row = self._truth[i]
-            row[0] = (t_ns - truth.t_ns) * 1e-9
-            row[1:4], row[4:7] = truth.pos_lab_m, truth.vel_lab_m_s
-            row[7:11], row[11:14] = truth.q_lab_from_flu, truth.rate_flu_rad_s
-        measure_poses(self._truth, carried, self._view, self._q_flu_from_marker, noise, self._pos, self._q)
+        carried = carried & seen
+        measure_poses(truth, carried, self._view, self._q_flu_from_marker, noise, self._pos, self._q)
         elapsed_ns = t_ns - (self._start_ns or t_ns)
         if self._leader is not None and seen[0] and self._leader.is_in_sight(elapsed_ns):
             pos, q = self._leader.pose(elapsed_ns)

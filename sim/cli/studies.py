@@ -1,4 +1,4 @@
-"""The studies of `gcs-sim`, `paper`, `robustness` and `tune`: many lockstep flights, a table, files for scripts.
+"""The studies of `gcs-sim`, `paper`, `robustness` and `tune`: many flights, a table, files for scripts.
 
 What they need is loaded when they are called: asking for help waits for no compiler.
 """
@@ -17,12 +17,16 @@ if TYPE_CHECKING:
     from formation.control.presets import Preset
     from formation.vehicle.profile import VehicleProfile
     from sim.studies.gain_search import Tried
+    from sim.studies.host import Host
     from sim.studies.robustness import Draw, Sample
     from sim.studies.tune import Candidate, Task
 
 FAILED, NOT_RIGHT = 1, 2
 PAPER_SEEDS = 10
 OutFolder = Annotated[Path, typer.Option(help="Where the files go.")]
+Full = Annotated[
+    bool, typer.Option("--full", help="Fly in lockstep, with MAVLink, guards and autopilots: some ten times as long.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")]
 
 
@@ -40,6 +44,7 @@ def compare(
         str, typer.Option(help="What is flown: a shipped vehicle's name, or a profile's TOML file.")
     ] = "paper_40g",
     only: Annotated[list[str] | None, typer.Option(help="Fly this controller alone; can be given again.")] = None,
+    full: Full = False,
     as_json: Json = False,
 ) -> None:
     """Fly the paper's gust, line and circle, and a steady push, with nine controllers; writes paper.json and .html."""
@@ -49,7 +54,7 @@ def compare(
 
     console = Console(stderr=as_json, markup=False)
     try:
-        flights = paper.jobs(range(1, seeds + 1), vehicle_profile(vehicle), tuple(only or CONTROLLERS))
+        flights = paper.jobs(range(1, seeds + 1), vehicle_profile(vehicle), tuple(only or CONTROLLERS), _host(full))
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
     runner = Runner(console)
@@ -67,6 +72,7 @@ def robust(
     only: Annotated[int | None, typer.Option(help="Fly this one seed again, with log and report.")] = None,
     profile: Annotated[str, typer.Option(help="The vehicle the controller believes in.")] = "paper_40g",
     preset: Annotated[str, typer.Option(help="The controller.")] = "default",
+    full: Full = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print every sample as JSON, and nothing else there.")
     ] = False,
@@ -74,14 +80,15 @@ def robust(
 ) -> None:
     """Fly vehicles that are not what the controller believes; the worst ten, by seed. Exit code 1 if any failed."""
     from sim.studies import robustness
+    from sim.studies.host import Host
     from sim.studies.robustness import Draw
     from sim.studies.runner import Runner
 
-    console = Console(stderr=as_json, markup=False)
+    console, host = Console(stderr=as_json, markup=False), _host(full)
     if only is not None:
-        flown = [_fly_again(Draw(only, profile, preset), out, console)]
+        flown = [_fly_again(Draw(only, profile, preset, Host.LOCKSTEP), out, console)]
     else:
-        draws = [Draw(seed, profile, preset) for seed in range(first, first + samples)]
+        draws = [Draw(seed, profile, preset, host) for seed in range(first, first + samples)]
         flown = Runner(console).run("flights", robustness.fly, draws)
     failures = sum(sample.failed for sample in flown)
     percentiles_m = {percent: robustness.percentile_m(flown, percent) for percent in (50.0, 95.0, 100.0)}
@@ -89,12 +96,13 @@ def robust(
         values = {
             "samples": [asdict(sample) | {"failed": sample.failed} for sample in flown],
             "failed": failures,
+            "host": host,
             "rms_m": {f"p{percent:g}": value_m for percent, value_m in percentiles_m.items()},
         }
         print(json.dumps(without_nan(values), indent=2, allow_nan=False))
     console.print(_table(robustness.worst(flown)))
     median_mm, high_mm = 1e3 * percentiles_m[50.0], 1e3 * percentiles_m[95.0]
-    console.print(f"{len(flown)} flights, {failures} failed", highlight=False)
+    console.print(f"{len(flown)} flights {flown[0].draw.host.text}, {failures} failed", highlight=False)
     console.print(f"RMS on line and circle: median {median_mm:.2f} mm, 95 % under {high_mm:.2f} mm", highlight=False)
     if failures:
         raise typer.Exit(FAILED)
@@ -110,6 +118,7 @@ def tune_vehicle(
     rate_hz: Annotated[float, typer.Option("--rate", help="Mocap frames a second.")] = 100.0,
     delay_s: Annotated[float, typer.Option("--delay", help="Mocap delay, s.")] = 0.008,
     noise_m: Annotated[float, typer.Option("--noise", help="Mocap noise, m.")] = 0.0001,
+    full: Full = False,
     out: Annotated[Path | None, typer.Option(help="Write the tuned profile here, to go under [[profiles]].")] = None,
     as_json: Json = False,
 ) -> None:
@@ -121,7 +130,7 @@ def tune_vehicle(
 
     console = Console(stderr=as_json, markup=False)
     profile = vehicle_profile(vehicle)
-    task = Task(profile, rate_hz, delay_s, noise_m)
+    task = Task(profile, rate_hz, delay_s, noise_m, _host(full))
     if gains is not None:
         _search_gains(task, gains, console, as_json)
         return
@@ -135,7 +144,8 @@ def tune_vehicle(
         console.print(f"cost {candidate.cost:7.2f}  {text}", highlight=False)
 
     by_rule, best = tune(task, Runner(console), show)
-    console.print(f"by the rule {by_rule.cost:.2f}, tuned {best.cost:.2f}; {best.margin}", highlight=False)
+    costs_by = f"by the rule {by_rule.cost:.2f}, tuned {best.cost:.2f}, flown {task.host.text}"
+    console.print(f"{costs_by}; {best.margin}", highlight=False)
     tuned = profile.model_copy(update={"gain_scale": best.gain_scale})
     preset = preset_for("default", tuned, task.mocap)
     console.print(f"law {preset.follower}\nobserver {preset.observer}", highlight=False)
@@ -188,6 +198,12 @@ def without_nan(value: object) -> object:
     if isinstance(value, list):
         return [without_nan(item) for item in value]
     return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def _host(full: bool) -> "Host":
+    from sim.studies.host import Host
+
+    return Host.LOCKSTEP if full else Host.STUDY
 
 
 def _gains_of(preset: "Preset") -> dict[str, Any]:

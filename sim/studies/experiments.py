@@ -1,4 +1,4 @@
-"""The paper's three experiments and a steady push, flown in lockstep, and what is measured in each.
+"""The paper's three experiments and a steady push, and what is measured in each.
 
 The vehicle is `paper_40g`, or any other: attitude loop, motor lag, drag and ground effect as in its profile; the
 scenarios add 8 ms mocap delay with a tail of 0.5 ms, 0.1 mm and 1 mrad of noise, 0.5 ms of exposure jitter, and links
@@ -21,9 +21,10 @@ from drone_agent.simulation.disturbance import Disturbance
 from formation.maths.arrays import Float
 from formation.messages import Phase
 from formation.vehicle.profile import PAPER_40G, VehicleProfile
-from sim import lockstep
 from sim.scenario import Scenario, flown_by, load
+from sim.studies import host
 from sim.studies.gust import GustNumbers, gust_numbers
+from sim.studies.host import Host
 from sim.studies.mismatch import mismatched
 from sim.studies.push import Settling, push_of, settling, share_most
 
@@ -88,6 +89,7 @@ class Job:
     gust_peak_m_s2: float | None = None
     push_share: float | None = None
     mismatch: str | None = None
+    host: Host = Host.STUDY
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,8 +149,8 @@ def gust_peak_m_s2(vehicle: VehicleProfile) -> float:
 def fly(job: Job) -> Score:
     """Fly the job and measure it."""
     scenario = scenario_of(job)
-    flown, flight = lockstep.run_and_load(scenario, job.seed)
-    return measure(flight, scenario, flown.outcome.result, job.experiment, job.traced)
+    result, flight = host.fly(scenario, job.seed, host=job.host)
+    return measure(flight, scenario, result, job.experiment, job.traced)
 
 
 def measure(flight: Flight, scenario: Scenario, outcome: str, experiment: Experiment, traced: bool = False) -> Score:

@@ -12,6 +12,7 @@ import numpy as np
 
 from formation.vehicle.profile import PAPER_40G, VehicleProfile
 from sim.studies.experiments import CONTROLLERS, Experiment, Job, Score, Trace, fly, gust_peak_m_s2
+from sim.studies.host import Host
 from sim.studies.mismatch import MISMATCHES
 from sim.studies.runner import Runner
 
@@ -71,6 +72,7 @@ class Comparison:
     vehicle: str
     gust_peak_m_s2: float
     seeds: tuple[int, ...]
+    host: Host
     traces: Mapping[tuple[str, Experiment], Trace]
 
     def to_json(self) -> str:
@@ -82,6 +84,7 @@ class Comparison:
                 "vehicle": self.vehicle,
                 "gust_peak_m_s2": self.gust_peak_m_s2,
                 "seeds": list(self.seeds),
+                "host": self.host,
             },
             indent=2,
             allow_nan=False,
@@ -98,6 +101,7 @@ def from_json(text: str) -> Comparison:
             values["vehicle"],
             float(values["gust_peak_m_s2"]),
             tuple(values["seeds"]),
+            Host(values["host"]),
             {},
         )
     except (KeyError, TypeError, AttributeError, ValueError) as error:
@@ -106,7 +110,7 @@ def from_json(text: str) -> Comparison:
 
 def merged(old: Comparison, new: Comparison) -> Comparison:
     """The old comparison with the rows of the new one in their places; ValueError if they were not flown alike."""
-    for what in ("vehicle", "gust_peak_m_s2", "seeds"):
+    for what in ("vehicle", "gust_peak_m_s2", "seeds", "host"):
         was, now = getattr(old, what), getattr(new, what)
         if was != now:
             raise ValueError(f"{what} was {was} and is {now} now: fly every controller again")
@@ -119,7 +123,10 @@ def merged(old: Comparison, new: Comparison) -> Comparison:
 
 
 def jobs(
-    seeds: Sequence[int], vehicle: VehicleProfile = PAPER_40G, controllers: Sequence[str] = tuple(CONTROLLERS)
+    seeds: Sequence[int],
+    vehicle: VehicleProfile = PAPER_40G,
+    controllers: Sequence[str] = tuple(CONTROLLERS),
+    host: Host = Host.STUDY,
 ) -> list[Job]:
     """Every flight of the study; the first seed's are traced for the figures.
 
@@ -128,20 +135,22 @@ def jobs(
     if unknown := set(controllers) - set(CONTROLLERS):
         raise ValueError(f"unknown controller {min(unknown)!r}; known: {', '.join(CONTROLLERS)}")
     flights = [
-        Job(controller, experiment, seed, seed == seeds[0], vehicle)
+        Job(controller, experiment, seed, seed == seeds[0], vehicle, host=host)
         for controller in controllers
         for experiment in Experiment
         for seed in seeds
     ]
     if SHIPPED in controllers:
         flights += [
-            Job(SHIPPED, Experiment.GUST, s, vehicle=vehicle, mismatch=name) for name in MISMATCHES for s in seeds
+            Job(SHIPPED, Experiment.GUST, s, vehicle=vehicle, mismatch=name, host=host)
+            for name in MISMATCHES
+            for s in seeds
         ]
     return flights
 
 
 def compare(flights: Sequence[Job], runner: Runner) -> Comparison:
-    """Fly them all and put the numbers together; they are all of one vehicle."""
+    """Fly them all and put the numbers together; they are all of one vehicle, by one host."""
     flown = list(zip(flights, runner.run("flights", fly, flights), strict=True))
     vehicle, seeds = flights[0].vehicle, tuple(sorted({job.seed for job in flights}))
     known = [(job, score) for job, score in flown if job.mismatch is None]
@@ -153,6 +162,7 @@ def compare(flights: Sequence[Job], runner: Runner) -> Comparison:
         vehicle.name,
         gust_peak_m_s2(vehicle),
         seeds,
+        flights[0].host,
         {(job.controller, job.experiment): score.trace for job, score in known if score.trace is not None},
     )
 

@@ -104,9 +104,9 @@ def html(comparison: Comparison) -> str:
 def explained(comparison: Comparison) -> str:
     """What was flown."""
     return (
-        f"{comparison.vehicle}, median of {len(comparison.seeds)} seeds; in brackets what the paper reports of its "
-        f"hardware. The fan pushes with {comparison.gust_peak_m_s2:.2f} m/s² at most: in the mean over its passes the "
-        "printed ISTSMC alone deviates by 0.30 m."
+        f"{comparison.vehicle}, median of {len(comparison.seeds)} seeds, flown {comparison.host.text}; in brackets "
+        f"what the paper reports of its hardware. The fan pushes with {comparison.gust_peak_m_s2:.2f} m/s² at most: "
+        "in the mean over its passes the printed ISTSMC alone deviates by 0.30 m."
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.load import Flight
 from drone_agent.simulation.disturbance import Disturbance, SweptFan
+from formation.codes import GOOD_RESULTS
 from formation.config import LabConfig
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
@@ -44,8 +45,8 @@ class Settling:
 
     @property
     def at_rest(self) -> bool:
-        """Whether it landed, and did not swing at last."""
-        return self.outcome == "landed" and self.swing_deg <= CALM_DEG
+        """Whether it ended well, and did not swing at last."""
+        return self.outcome in GOOD_RESULTS and self.swing_deg <= CALM_DEG
 
 
 def push_of(lab: LabConfig, share: float) -> dict[str, object]:

@@ -11,15 +11,16 @@ import numpy as np
 
 from analysis.load import Flight
 from analysis.metrics import Summary, summarise
+from formation.codes import GOOD_RESULTS
 from formation.config import Fence
 from formation.maths.arrays import Bool
 from formation.messages import Phase
 from formation.vehicle.profile import VehicleProfile, profile
-from sim import lockstep
 from sim.cameras.emulator import EmulatorConfig, Gap
 from sim.scenario import LinkModel, Scenario, TrueVehicle, flown_by, load
-from sim.studies import push
+from sim.studies import host, push
 from sim.studies.experiments import FORMATION_S, SCENARIOS, Experiment
+from sim.studies.host import Host
 
 MASS = INERTIA = 0.3
 CURVE = 0.1
@@ -37,11 +38,12 @@ SWING_DEG = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """One sample: its seed, and the profile the controller holds."""
+    """One sample: its seed, the profile and gains that the controller holds, and what flies it."""
 
     seed: int
     profile: str = "paper_40g"
     preset: str = "default"
+    host: Host = Host.STUDY
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,7 @@ class Sample:
     def failed(self) -> bool:
         """Diverged, aborted, left the fence, or swings on in a push."""
         calm = self.swing_deg <= SWING_DEG  # NaN is none
-        return self.outcome != "landed" or self.left_fence or not np.isfinite(self.rms_m) or not calm
+        return self.outcome not in GOOD_RESULTS or self.left_fence or not np.isfinite(self.rms_m) or not calm
 
 
 def scenario_of(draw: Draw) -> Scenario:
@@ -108,9 +110,8 @@ def scenario_of(draw: Draw) -> Scenario:
 
 def fly(draw: Draw) -> Sample:
     """Fly the draw in memory and judge it."""
-    scenario = scenario_of(draw)
-    flown, flight = lockstep.run_and_load(scenario, draw.seed)
-    return judge(draw, flown.outcome.result, flight, summarise(flight))
+    result, flight = host.fly(scenario_of(draw), draw.seed, host=draw.host)
+    return judge(draw, result, flight, summarise(flight))
 
 
 def judge(draw: Draw, outcome: str, flight: Flight, summary: Summary) -> Sample:

@@ -16,14 +16,15 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from formation.codes import GOOD_RESULTS
 from formation.config import MocapConfig
 from formation.control.margin import DelayMargin, delay_margin
 from formation.control.presets import Preset, gain_scale_of, preset_for
 from formation.vehicle.profile import GainScale, VehicleProfile
-from sim import lockstep
 from sim.scenario import Scenario, TrueVehicle, flown_by
-from sim.studies import experiments
+from sim.studies import experiments, host
 from sim.studies.experiments import Experiment, Job, Score
+from sim.studies.host import Host
 from sim.studies.runner import Runner
 
 STEPS = (1.3, 1.15, 1.07)
@@ -42,12 +43,13 @@ FACTORS = ("horizontal", "observer", "vertical", "compensation")
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What is tuned for: a vehicle, and the cameras' rate, delay and noise."""
+    """What is tuned for: a vehicle, and the cameras' rate, delay and noise; host: what flies it."""
 
     profile: VehicleProfile
     rate_hz: float
     delay_s: float
     noise_m: float
+    host: Host = Host.STUDY
 
     @property
     def mocap(self) -> MocapConfig:
@@ -144,12 +146,12 @@ def judge(task: Task, scales: list[GainScale], runner: Runner) -> list[Candidate
 def fly(flight: Flight) -> float:
     """The cost of one flight."""
     scenario = scenario_of(flight)
-    flown, log = lockstep.run_and_load(scenario, SEED, gains=flight.gains)
-    return cost_of(experiments.measure(log, scenario, flown.outcome.result, flight.experiment), flight.experiment)
+    result, log = host.fly(scenario, SEED, flight.gains, flight.task.host)
+    return cost_of(experiments.measure(log, scenario, result, flight.experiment), flight.experiment)
 
 
 def cost_of(score: Score, experiment: Experiment) -> float:
-    """What a flight costs, in units of what is wanted; infinite where it did not land."""
+    """What a flight costs, in units of what is wanted; infinite where it did not end well."""
     match experiment:
         case Experiment.GUST:
             parts = [score.gust.max_dev_m / WANTED_DEVIATION_M, score.gust.chatter_deg / WANTED_CHATTER_DEG]
@@ -158,7 +160,7 @@ def cost_of(score: Score, experiment: Experiment) -> float:
         case _:
             parts = [score.rms_m / WANTED_RMS_M]
     total = sum(parts)
-    return total if score.outcome == "landed" and np.isfinite(total) else float("inf")
+    return total if score.outcome in GOOD_RESULTS and np.isfinite(total) else float("inf")
 
 
 def scenario_of(flight: Flight) -> Scenario:

@@ -14,6 +14,7 @@ from rich.console import Console
 from formation.vehicle.profile import profile
 from sim.studies import paper
 from sim.studies.experiments import CONTROLLERS
+from sim.studies.host import Host
 from sim.studies.runner import Runner
 
 ROOT = Path(__file__).parents[2]
@@ -28,7 +29,7 @@ def kept(vehicle: str) -> Path:
 def fly(vehicle: str, seeds: int, only: tuple[str, ...], workers: int | None) -> None:
     """Fly the rows, and put them in the place of those that were flown before."""
     console = Console()
-    flights = paper.jobs(range(1, seeds + 1), profile(vehicle), only)
+    flights = paper.jobs(range(1, seeds + 1), profile(vehicle), only, Host.LOCKSTEP)
     flown = paper.compare(flights, Runner(console, workers))
     if only != tuple(CONTROLLERS) and kept(vehicle).exists():
         flown = paper.merged(paper.from_json(kept(vehicle).read_text(encoding="utf-8")), flown)

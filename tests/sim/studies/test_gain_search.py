@@ -6,8 +6,7 @@ from rich.console import Console
 from formation.control.gains import CascadeGains
 from formation.control.presets import Preset, preset_for
 from formation.vehicle.profile import PAPER_40G
-from sim import lockstep
-from sim.studies import gain_search
+from sim.studies import gain_search, host
 from sim.studies.experiments import Experiment, Job, scenario_of
 from sim.studies.gain_search import Tried
 from sim.studies.runner import Runner
@@ -42,7 +41,6 @@ def test_the_gains_tried_are_those_that_fly() -> None:
     own = preset_for("pid", PAPER_40G, scenario.lab.mocap)
     other = next(gain_search.neighbours(own, 2.0))
     plain, tried, apart = (
-        lockstep.run_and_load(scenario, 1, gains=gains)[1].target["q_lab_from_flu"][:, 0].tolist()
-        for gains in (None, own, other)
+        host.fly(scenario, 1, gains)[1].target["q_lab_from_flu"][:, 0].tolist() for gains in (None, own, other)
     )
     assert plain == tried != apart

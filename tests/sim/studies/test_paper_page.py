@@ -8,6 +8,7 @@ from rich.console import Console
 
 from sim.studies import paper, paper_page
 from sim.studies.experiments import CONTROLLERS
+from sim.studies.host import Host
 from sim.studies.mismatch import MISMATCHES
 from sim.studies.paper import Comparison, Figures, Mismatched
 
@@ -18,7 +19,7 @@ def figures(gust_m: float) -> Figures:
 
 def comparison(*names: str, gust_m: float = 0.05, seeds: tuple[int, ...] = (1, 2)) -> Comparison:
     off = {name: Mismatched(gust_m, 2.0 * gust_m, 0.7, 0.3) for name in MISMATCHES} if "cfc" in names else {}
-    return Comparison({name: figures(gust_m) for name in names}, off, "paper_40g", 7.57, seeds, {})
+    return Comparison({name: figures(gust_m) for name in names}, off, "paper_40g", 7.57, seeds, Host.STUDY, {})
 
 
 WHOLE = comparison(*CONTROLLERS)

@@ -3,10 +3,10 @@ import json
 import pytest
 from rich.console import Console
 
-from sim import lockstep
-from sim.studies import experiments, paper, push, robustness
+from sim.studies import experiments, host, paper, push, robustness
 from sim.studies.experiments import CONTROLLERS, Experiment, Job, Score
 from sim.studies.gust import GustNumbers
+from sim.studies.host import Host
 from sim.studies.mismatch import MISMATCHES
 from sim.studies.push import Settling
 from sim.studies.robustness import Draw
@@ -56,7 +56,7 @@ def test_the_table_holds_medians_and_null_where_no_flight_could_tell(monkeypatch
     monkeypatch.setattr(paper, "fly", scored)
     runner = Runner(Console(quiet=True), workers=1)
     told = json.loads(paper.compare(paper.jobs((1, 2, 4)), runner).to_json())
-    assert set(told) == {"controllers", "mismatches", "vehicle", "gust_peak_m_s2", "seeds"}
+    assert set(told) == {"controllers", "mismatches", "vehicle", "gust_peak_m_s2", "seeds", "host"}
     assert list(told["controllers"]) == list(CONTROLLERS)
     assert told["vehicle"] == "paper_40g"
     assert told["seeds"] == [1, 2, 4]
@@ -86,12 +86,12 @@ def test_a_drawn_vehicle_is_not_held_for_a_fault_that_its_poses_do_not_have(seed
 
     68 rises before a delay of noisy poses can be told; 95 is turned by a gust as fast as 10 rad/s.
     """
-    assert not robustness.fly(Draw(seed)).failed
+    assert not robustness.fly(Draw(seed, host=Host.LOCKSTEP)).failed
 
 
 def test_a_vehicle_quicker_than_believed_does_not_swing_on_in_a_push() -> None:
     """Of 1.2 times the mass, with loops 1.8 times as fast, seen at 50 Hz with 0.4 mm of noise; 0.63 of the limit."""
     scenario = robustness.scenario_of(Draw(67, "px4_quad"))
     scenario = scenario.model_copy(update=push.push_of(scenario.lab, 0.63))
-    flown, flight = lockstep.run_and_load(scenario, 67)
-    assert push.settling(flight, flown.outcome.result).swing_deg < 0.6 * robustness.SWING_DEG
+    result, flight = host.fly(scenario, 67, host=Host.LOCKSTEP)
+    assert push.settling(flight, result).swing_deg < 0.6 * robustness.SWING_DEG

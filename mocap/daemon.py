@@ -33,7 +33,7 @@ from mocap.sources.registry import open_source
 from mocap.sources.source import Feed, SourceStatus
 from wire.clock import Clock
 from wire.ground_state import decode
-from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, bus_at, report_missing
+from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, bus_at, first_of, report_missing
 from wire.process.output import dropping_output
 from wire.process.program import COLOURS, fail, print_event, print_event_json
 from wire.process.progress import compile_all
@@ -209,7 +209,7 @@ async def run(
             Precondition(f"frames of source {config.mocap.source!r}", lambda: mocap.has_frame, _remedy(config)),
         )
         awaited_task = asyncio.create_task(report_missing(SOURCE, awaited, mocap.report, bus.others))
-        await _first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())
+        await first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())
     finally:
         attending.cancel()
         if awaited_task is not None:
@@ -221,19 +221,6 @@ def _remedy(config: LabConfig) -> str:
     if config.mocap.source == "zenoh":
         return f"nobody publishes on {config.name}/mocap/raw: start your publisher, or `gcs-sim mocap` to try"
     return "are the cameras on and streaming? `gcs mocap discover` finds what there is"
-
-
-async def _first_of(*parts: Any) -> None:
-    """Return with the first part that ends, or raise what it raised; the others are cancelled."""
-    tasks = [asyncio.ensure_future(part) for part in parts]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            task.result()
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 COLUMNS = ("body", "seen", "longest gap", "noise at rest", "x", "y", "z", "yaw", "rejected")

@@ -5,6 +5,7 @@ right; 3 no ground answers.
 """
 
 import json
+import re
 import subprocess
 from contextlib import nullcontext
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from formation.exposure import MOCAP, PAGE, TOOL, is_loopback
+from formation.exposure import MOCAP, PAGE, TOOL, is_local_endpoint, is_loopback
 from formation.requests import GCS_NAME
 from gcs.cli import keys as keys_cli
 from gcs.cli import operator as operator_cli
@@ -32,6 +33,7 @@ from wire.process.program import (
     Speed,
     configuration,
     fail,
+    print_event,
     program,
 )
 from wire.process.system import NOT_RIGHT, REJECTED, python_command
@@ -273,6 +275,53 @@ def live(
     except OSError as error:
         fail(str(error), REJECTED)
     typer.echo(json.dumps({"messages": count}) if as_json else f"{count} messages streamed")
+
+
+ROUTER = "tcp/127.0.0.1:7447"
+"""Where ROS 2's `rmw_zenohd` listens, if nothing else is said."""
+
+
+@app.command()
+@dropping_output()
+def ros2(
+    lab: LabFile,
+    name: Name = GCS_NAME,
+    router: Annotated[str, typer.Option(metavar="ENDPOINT", help="Where `rmw_zenohd` listens.")] = ROUTER,
+    domain: Annotated[int, typer.Option(min=0, max=232, help="ROS_DOMAIN_ID of the graph.")] = 0,
+    namespace: Annotated[str, typer.Option(help="Before every topic and service but /tf and /diagnostics.")] = "",
+    identity: Annotated[str, typer.Option(help="In a lab with keys, as whom hold and land are asked for.")] = TOOL,
+    as_json: Json = False,
+    insecure: Insecure = False,
+    speed: Speed = 1.0,
+) -> None:
+    """Publish poses, estimates, targets and alarms in a ROS 2 graph by rmw_zenoh (Jazzy or later), until Ctrl-C.
+
+    Needs no ROS on this machine. Whoever is in the graph may ask for `hold` and `land`, and for nothing else.
+    A process of its own: the ground waits for nobody.
+    """
+    import asyncio  # here, as below: what an operator's command loads waits for none of it
+
+    from gcs.ros2 import run
+    from wire.ros2.node import Graph
+    from wire.security.protection import lab_protection
+
+    path = namespace.strip("/")
+    if path and re.fullmatch(r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*", path, re.ASCII) is None:
+        raise typer.BadParameter(
+            f"{namespace!r} is no namespace of ROS 2: letters, digits and _", param_hint="--namespace"
+        )
+    if not (insecure or is_local_endpoint(router)):
+        fail(f"--router {router} is not on this machine, and a ROS graph has no keys: run rmw_zenohd here", NOT_RIGHT)
+    config = configuration(lab)
+    graph = Graph(router, domain, f"/{path}" if path else "")
+    try:
+        protection = lab_protection(config.security, lab, identity, insecure=insecure)
+        count = asyncio.run(run(config, name, graph, print_event, protection, clock.Clock(speed)))
+    except (ConfigError, ValueError) as error:
+        fail(str(error), NOT_RIGHT)
+    except OSError as error:
+        fail(str(error), REJECTED)
+    typer.echo(json.dumps({"messages": count}) if as_json else f"{count} messages published")
 
 
 operator_cli.register(app)

@@ -7,26 +7,32 @@ Shared only while somebody listens, at the lowest priority, and dropped rather t
 """
 
 import struct
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from io import BytesIO
-from typing import Protocol
+from typing import Protocol, TypeVar
+from zlib import crc32
 
 import zstandard
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Channel, Chunk, Metadata, Schema
+from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
+from wire.logs.mcap_read import clock_of
 from wire.logs.mcap_scan import uncompressed
 
+T = TypeVar("T")
+
 END = struct.pack("<BQI", Opcode.DATA_END, 4, 0) + struct.pack("<BQ20x", Opcode.FOOTER, 20) + MCAP0_MAGIC
-"""What makes a log of a head and a chunk."""
+"""What makes a log of a head."""
 CHUNK_MOST = 8 << 20
 """Bytes of a chunk when unpacked; of ours, 20 to 200 ms of a flight, one has a hundredth of that."""
 HEAD_EVERY = 25
 """Chunks: half a second in flight."""
+_RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 
 
 class Bus(Protocol):
@@ -64,16 +70,20 @@ def sharer(bus: Bus, gcs_name: str) -> Callable[[bytes, bytes], None]:
     return share
 
 
-def _records(log: bytes) -> Iterator[McapRecord]:
-    """The records of a log and of its chunks, each unpacked only so far as it says and CHUNK_MOST allows."""
-    for record in StreamReader(BytesIO(log), emit_chunks=True).records:
-        if isinstance(record, Chunk):
-            raw = uncompressed(record) if record.uncompressed_size <= CHUNK_MOST else None
-            if raw is None or len(raw) != record.uncompressed_size:
-                raise ValueError(f"a chunk of {len(record.data)} bytes that says it holds {record.uncompressed_size}")
-            yield from breakup_chunk(replace(record, compression="", data=raw), validate_crc=True)
-        else:
-            yield record
+def _messages(chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
+    """(channel, date, data) of a chunk's messages; it is unpacked only so far as it says and CHUNK_MOST allows."""
+    record = Chunk.read(ReadDataStream(BytesIO(chunk[_RECORD.size :])))
+    raw = uncompressed(record) if record.uncompressed_size <= CHUNK_MOST else None
+    if raw is None or len(raw) != record.uncompressed_size or crc32(raw) != record.uncompressed_crc:
+        raise ValueError(f"a chunk of {len(chunk)} bytes that says it holds {record.uncompressed_size}")
+    at = 0
+    while at < len(raw):
+        opcode, length = _RECORD.unpack_from(raw, at)
+        at += _RECORD.size
+        if opcode == Opcode.MESSAGE:
+            channel, _, unix_ns, _ = _MESSAGE.unpack_from(raw, at)
+            yield channel, unix_ns, raw[at + _MESSAGE.size : at + length]
+        at += length
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +100,8 @@ class LiveLog:
 
     def __init__(self) -> None:
         self.channels: Mapping[int, ChannelDescription] = {}
+        self.ahead_ns = 0
+        """What is added to a stamp inside a message for its date."""
         self.rejected = 0
         """Heads and chunks that could not be read."""
         self._head = b""
@@ -98,7 +110,7 @@ class LiveLog:
         """Whether this begins another log than before."""
         if head == self._head:
             return False
-        records = self._read(head)
+        records = self._read(lambda: StreamReader(BytesIO(head + END), emit_chunks=True).records)
         schemas = {record.id: record for record in records if isinstance(record, Schema)}
         channels = {
             record.id: ChannelDescription(record.topic, schemas[record.schema_id].name, schemas[record.schema_id].data)
@@ -108,20 +120,18 @@ class LiveLog:
         if not channels:
             return False
         self._head, self.channels = head, channels
+        self.ahead_ns = sum(clock_of(record.metadata).ahead_ns for record in records if isinstance(record, Metadata))
         return True
 
     def messages(self, chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
         """(channel, date in ns since 1970, data) of each message of a chunk; none before the first head."""
-        if not self.channels:
-            return
-        for record in self._read(self._head + chunk):
-            if isinstance(record, Message) and record.channel_id in self.channels:
-                yield record.channel_id, record.log_time, record.data
+        if self.channels:
+            yield from (message for message in self._read(lambda: _messages(chunk)) if message[0] in self.channels)
 
-    def _read(self, begun: bytes) -> list[McapRecord]:
-        """The records of a log that is not finished; none, and counted, where that is none."""
+    def _read(self, read: Callable[[], Iterable[T]]) -> list[T]:
+        """All that is read; nothing, and counted, where it cannot be."""
         try:
-            return list(_records(begun + END))
+            return list(read())
         except (McapError, struct.error, ArithmeticError, LookupError, ValueError, MemoryError, zstandard.ZstdError):
             self.rejected += 1
             return []

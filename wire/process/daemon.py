@@ -38,6 +38,19 @@ class Stop:
             raise self._error
 
 
+async def first_of(*parts: Any) -> None:
+    """Return with the first part that ends, or raise what it raised; the others are cancelled."""
+    tasks = [asyncio.ensure_future(part) for part in parts]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
 PATIENCE_S = 0.5
 """No report before that, s: processes started together are there by then."""
 _POLL_S, _ASK_EVERY = 0.2, 10

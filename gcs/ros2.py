@@ -1,0 +1,179 @@
+"""`gcs ros2` as a process: poses from the mocap process and the ground's log, both off the bus, into a ROS 2 graph.
+
+It is an observer, and asks the ground for what the graph's services ask of it: to hold, or to land.
+"""
+
+import asyncio
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Protocol
+
+from formation import topics
+from formation.config import LabConfig
+from formation.messages import LabFrame, OperatorRequest, PhaseChange, Verb
+from wire import clock as clocks
+from wire.clock import Clock
+from wire.ground_state import GroundState, decode
+from wire.logs.live import LiveLog, keys
+from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, first_of, report_missing
+from wire.process.system import own_name
+from wire.ros2.flight import OK, TF_STATIC, Flight, Shown, diagnostics, fault_status, phase_status, static_frames
+from wire.ros2.message_types import Values
+from wire.ros2.node import Graph, Node, Reply
+from wire.schema import schema_of
+from wire.security.protection import Protection
+from wire.transport.mocap_bus import MocapBus
+from wire.transport.zenoh_bus import ZenohBus
+
+SOURCE = "ros2"
+SERVICE = "std_srvs/srv/Trigger"
+SERVED = (Verb.HOLD, Verb.LAND)
+"""A ROS graph has no roles: nobody in it may start anything."""
+ANSWER_S = 3.0
+SLOW_NS = 1_000_000_000
+QUEUED = 64
+"""Chunks of the log that wait; then the oldest are lost."""
+LOGGED = {topic.name: schema_of(topic.type) for topic in (topics.STATE, topics.REFERENCE, topics.COMMAND)}
+ROUTER_REMEDY = "start it with `ros2 run rmw_zenoh_cpp rmw_zenohd`; a lab's own bus is none"
+
+
+class Publishes(Protocol):
+    """A topic's publisher."""
+
+    has_subscribers: bool
+
+    def publish(self, values: Values) -> None:
+        """Publish a message."""
+
+
+class Shows:
+    """Makes a flight's messages of what comes from the bus; publishes those that somebody subscribes to."""
+
+    def __init__(self, flight: Flight, clock: Clock) -> None:
+        self.begun = False
+        """Whether the ground's log has come."""
+        self.messages = 0
+        self.types = tuple(flight.types.items())
+        """(topic, type) of all that is published."""
+        self.publishers: Mapping[str, Publishes] = {}
+        """Each topic's, once the graph is joined; nothing is to be received before."""
+        self._flight, self._clock = flight, clock
+        self._ahead_ns = clock.pair().ahead_ns
+        self._log = LiveLog()
+        self._decoders: dict[int, Callable[[bytes], object]] = {}
+        self._state = ""
+        self._faults: dict[str, Values] = {}
+
+    def receive_frame(self, frame: LabFrame) -> None:
+        """A frame, its stamps on our clock."""
+        self._publish_all(self._flight.of(frame, self._ahead_ns))
+
+    def receive_head(self, head: bytes) -> None:
+        """What the ground's log holds."""
+        if self._log.receive_head(head):
+            self.begun = True
+            self._decoders = {
+                number: LOGGED[described.topic].written(described.descriptor_set).decode
+                for number, described in self._log.channels.items()
+                if described.topic in LOGGED
+            }
+
+    def receive_chunk(self, chunk: bytes) -> None:
+        """The newest moments of the log."""
+        for number, _, data in self._log.messages(chunk):
+            decoder = self._decoders.get(number)
+            if decoder is not None:
+                self._publish_all(self._flight.of(decoder(data), self._log.ahead_ns))
+
+    def receive_state(self, text: str) -> None:
+        """The ground's published state; the newest is read once a second."""
+        self._state = text
+
+    def tick(self) -> None:
+        """Once a second: what stands still, and what changes slowly. ValueError for a state of another version."""
+        pair = self._clock.pair()
+        self._ahead_ns = pair.ahead_ns
+        self._publish_all([static_frames(pair.unix_ns)])
+        text, self._state = self._state, ""
+        if text:
+            self._publish_all(self._slow(decode(text), pair.unix_ns))
+
+    def _slow(self, state: GroundState, unix_ns: int) -> Iterator[Shown]:
+        faults = {str(status[1]): status for status in (fault_status(alarm, is_over=False) for alarm in state.alarms)}
+        over = [(OK, *status[1:]) for name, status in self._faults.items() if name not in faults]
+        self._faults = faults
+        phase = phase_status(PhaseChange(state.phase, state.cause, state.cause_code))
+        yield diagnostics((phase, *faults.values(), *over), unix_ns)
+        for drone in state.drones:
+            yield self._flight.battery(drone.body, drone.battery_v, drone.battery, unix_ns)
+
+    def _publish_all(self, shown: Iterable[Shown]) -> None:
+        for topic, values in shown:
+            publisher = self.publishers[topic]
+            if publisher.has_subscribers:
+                publisher.publish(values)
+                self.messages += 1
+
+
+async def run(
+    config: LabConfig, name: str, graph: Graph, report: EventSink, protection: Protection, clock: Clock
+) -> int:
+    """Publish until SIGINT or SIGTERM; how many messages. Raises BusError, ValueError for bodies of one name."""
+    shows, stop = Shows(Flight(config), clock), Stop()
+    bus = await ZenohBus.open(config.link.joined, config.name, protection=protection)
+    awaited = (
+        Precondition(f"ROS 2's router at {graph.router}", lambda: bool(shows.publishers), ROUTER_REMEDY),
+        Precondition(f"the log of ground {name!r}", lambda: shows.begun, GROUND_REMEDY),
+    )
+    missing = asyncio.create_task(report_missing(SOURCE, awaited, report))
+    try:
+        await first_of(_publish(shows, graph, bus, name, clock), stop.wait())
+    finally:
+        missing.cancel()
+        await bus.close()
+    return shows.messages
+
+
+async def _publish(shows: Shows, graph: Graph, bus: ZenohBus, name: str, clock: Clock) -> None:
+    """Publish until cancelled."""
+    node = await Node.open(graph)
+    try:
+        async with asyncio.TaskGroup() as requests:
+            shows.publishers = {topic: node.publisher(topic, kind, topic == TF_STATIC) for topic, kind in shows.types}
+            MocapBus(bus, clock).on_frame(shows.receive_frame)
+            _listen(bus, name, shows)
+            for verb in SERVED:
+                node.serve(verb.command_name, SERVICE, _service(verb, bus, name, requests))
+            await _every_second(shows, bus, clock)
+    finally:
+        await node.close()
+
+
+def _listen(bus: ZenohBus, name: str, shows: Shows) -> None:
+    head_key, chunk_key = keys(name)
+    bus.listen(head_key, lambda sample: shows.receive_head(sample.payload.to_bytes()), limit=1)
+    bus.listen(chunk_key, lambda sample: shows.receive_chunk(sample.payload.to_bytes()), limit=QUEUED)
+    bus.on_state(name, shows.receive_state)
+
+
+async def _every_second(shows: Shows, bus: ZenohBus, clock: Clock) -> None:
+    while True:
+        try:
+            shows.tick()
+        except ValueError as error:  # of a ground of another version
+            bus.reject("state", str(error))
+        await clock.sleep_until_ns(clock.monotonic_ns() + SLOW_NS)
+
+
+def _service(verb: Verb, bus: ZenohBus, name: str, tasks: asyncio.TaskGroup) -> Callable[[Reply], None]:
+    async def ask(reply: Reply) -> None:
+        request = OperatorRequest(clocks.unix_us(), verb, "", f"ROS 2 by {own_name()}")
+        try:
+            answer = await bus.ask(name, request, ANSWER_S)
+            reply((answer.accepted, answer.text))
+        except TimeoutError as error:
+            reply((False, f"no ground answers: {error}"))
+
+    def handle(reply: Reply) -> None:
+        tasks.create_task(ask(reply))
+
+    return handle

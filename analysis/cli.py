@@ -5,7 +5,7 @@ Exit codes: 0 well; 1 the flight neither landed nor ended in the air as asked (`
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -208,19 +208,29 @@ def export(
     log: LogPath,
     csv: Annotated[bool, typer.Option("--csv", help="Text that every program reads.")] = False,
     parquet: Annotated[bool, typer.Option("--parquet", help="Smaller and quicker; needs pyarrow.")] = False,
+    rosbag2: Annotated[bool, typer.Option("--rosbag2", help="A bag of ROS 2, for `ros2 bag play`.")] = False,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FOLDER", help="Where to; without it a folder beside the log.")
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write every topic as a table, one file each: every number as it was logged, a row a drone."""
+    """Write every topic as a table, one file each: every number as it was logged, a row a drone. Or a bag of ROS 2."""
+    from analysis import rosbag2 as bag
     from analysis.tables import load, to_csv, to_parquet
+    from wire.logs.mcap_read import read_log
 
-    if csv == parquet:
-        raise typer.BadParameter("say which: --csv or --parquet")
-    folder = log.with_name(f"{log.stem}-{'csv' if csv else 'parquet'}") if out is None else out
+    writers: dict[str, tuple[bool, Callable[[Path], list[Path]]]] = {
+        "csv": (csv, lambda folder: to_csv(load(log), folder)),
+        "parquet": (parquet, lambda folder: to_parquet(load(log), folder)),
+        "rosbag2": (rosbag2, lambda folder: bag.write(read_log(log), folder)),
+    }
+    chosen = [(kind, write) for kind, (is_wanted, write) in writers.items() if is_wanted]
+    if len(chosen) != 1:
+        raise typer.BadParameter("say which: --csv, --parquet or --rosbag2")
+    kind, write = chosen[0]
+    folder = log.with_name(f"{log.stem}-{kind}") if out is None else out
     with _refusing():
-        written = (to_csv if csv else to_parquet)(load(log), folder)
+        written = write(folder)
     result = {"folder": str(folder), "files": [str(path) for path in written]}
     typer.echo(json.dumps(result) if as_json else f"{len(written)} files in {folder}")
 

@@ -1,4 +1,4 @@
-"""One body's recorded poses from a CSV file, checked line by line; its header says what its columns are.
+"""One body's recorded poses, from a CSV file that is checked line by line, or from a rosbag2.
 
 Read are EuRoC/ASL (`timestamp [ns], x, y, z, qw, qx, qy, qz`), TUM (`timestamp tx ty tz qx qy qz qw`, seconds), any
 order under a header that names it, and the rigid bodies that Motive and Vicon export. Axes are the cameras' own: what
@@ -21,7 +21,9 @@ from numpy.typing import NDArray
 from formation.maths import frames
 from formation.maths.arrays import Float
 from mocap.retiming import exposures_ns
+from mocap.sources.rosbag import is_bag, read_bag
 from wire.files import read_text
+from wire.logs.mcap_scan import LogError
 
 _TIME = re.compile(r"(time_?stamp|time|stamp|t|secs?|seconds)(_(ns|us|ms|s|secs?|seconds))?")
 _POSITION = re.compile(r"(?:p|t|pos|position|trans|translation|p_rs_r)?_?([xyz])(?:_(mm|cm|m))?")
@@ -250,8 +252,32 @@ class Recording:
 def read_recording(path: Path, body: str = "", unit_m: float = 1.0) -> Recording:
     """The recording in `path`; MocapFileError if it is missing, empty, malformed, not finite or not rising.
 
-    body: whose poses, where the file has several bodies. unit_m: of positions, where the file names no unit.
+    path: a CSV file, or a rosbag2. body: whose poses, where the file has several bodies. unit_m: of positions, where
+    the file names no unit.
     """
+    stamps, table = _of_bag(path, body) if is_bag(path) else _of_csv(path, body, unit_m)
+    recorded_ns = np.array([stamp - stamps[0] for stamp in stamps], dtype=np.int64)
+    t_ns = exposures_ns(recorded_ns)
+    rises = np.append(True, t_ns[1:] > np.maximum.accumulate(t_ns)[:-1])
+    return Recording(t_ns[rises] - t_ns[0], table[rises, :3], frames.canonical(table[rises, 3:]))
+
+
+def _of_bag(path: Path, body: str) -> tuple[list[int], Float]:
+    try:
+        stamped = read_bag(path, body)
+    except LogError as error:
+        raise MocapFileError(path, None, str(error).removeprefix(f"{path}: ")) from error
+    except OSError as error:
+        raise MocapFileError(path, None, error.strerror or "cannot be read") from error
+    table = np.array([pose for _, pose in stamped])
+    norms = np.linalg.norm(table[:, 3:], axis=1)
+    if not (np.abs(table) < LARGEST).all() or not (np.abs(norms - 1.0) <= UNIT_WITHIN).all():
+        raise MocapFileError(path, None, "a pose that is not finite, or whose quaternion's length is not 1")
+    return [stamp_ns for stamp_ns, _ in stamped], table
+
+
+def _of_csv(path: Path, body: str, unit_m: float) -> tuple[list[int], Float]:
+    """Stamps, ns, and poses in m (k, 7), quaternions w x y z."""
     lines = _lines(path)
     layout = layout_of(path, lines, body)
     stamps: list[int] = []
@@ -273,13 +299,10 @@ def read_recording(path: Path, body: str = "", unit_m: float = 1.0) -> Recording
         poses.append(pose)
     if not stamps:
         raise MocapFileError(path, None, "no poses in this file")
-    recorded_ns = np.array([stamp - stamps[0] for stamp in stamps], dtype=np.int64)
-    _check_unit(path, layout, recorded_ns)
+    _check_unit(path, layout, np.array(stamps, dtype=np.int64))
     table = np.array(poses)
-    t_ns = exposures_ns(recorded_ns)
-    rises = np.append(True, t_ns[1:] > np.maximum.accumulate(t_ns)[:-1])
-    pos_mocap_m = table[rises, :3] * (unit_m if layout.unit_m is None else layout.unit_m)
-    return Recording(t_ns[rises] - t_ns[0], pos_mocap_m, frames.canonical(table[rises, 3:]))
+    table[:, :3] *= unit_m if layout.unit_m is None else layout.unit_m
+    return stamps, table
 
 
 def _lines(path: Path) -> list[str]:

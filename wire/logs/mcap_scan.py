@@ -24,7 +24,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from wire.text import plain
 
-_HEAD = struct.Struct("<BQ")
+_HEAD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 _FOOTER_SIZE = 9 + 20
 # A chunk's compression, so far behind the chunk's first byte: what a search for the next one looks for.
 _PACKED = re.compile(rb"[\3\4]\0\0\0(?:zstd|lz4)")
@@ -117,7 +117,7 @@ def _summary(data: mmap.mmap) -> Iterator[Schema | Channel]:
                 yield record
 
 
-def _walk(data: mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int, int]]:
+def _walk(data: mmap.mmap | bytes, at: int, end: int) -> Iterator[tuple[int, int, int]]:
     """(position, opcode, position behind it) of the records from `at`, as long as they fit before `end`."""
     while at + _HEAD.size <= end:
         opcode, length = _HEAD.unpack_from(data, at)
@@ -268,3 +268,29 @@ def uncompressed(chunk: Chunk) -> bytes | None:
         return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
         return None
+
+
+def read_foreign(path: Path, encoding: str) -> Iterator[tuple[str, str, int, bytes]]:
+    """(topic, schema's name, date in ns, data) of each message that is encoded so, in file order, of another's file.
+
+    Raises OSError, and LogError if the file is no MCAP file.
+    """
+    schemas, channels = dict[int, str](), dict[int, tuple[str, str]]()
+    for record in scan(path, Damage()):
+        for inner in _unpacked(record.raw) if isinstance(record, Messages) else (record,):
+            if isinstance(inner, Schema):
+                schemas[inner.id] = inner.name
+            elif isinstance(inner, Channel) and inner.message_encoding == encoding:
+                channels[inner.id] = inner.topic, schemas.get(inner.schema_id, "")
+            elif isinstance(inner, tuple) and inner[0] in channels:
+                yield *channels[inner[0]], inner[1], inner[2]
+
+
+def _unpacked(raw: bytes) -> Iterator[object]:
+    """What others write into chunks: schemas, channels, and of messages the channel's number, the date and the data."""
+    for at, opcode, stop in _walk(raw, 0, len(raw)):
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            yield _parse(opcode, raw[at + _HEAD.size : stop])
+        elif opcode == Opcode.MESSAGE and stop - at >= _HEAD.size + _MESSAGE.size:
+            number, _, unix_ns, _ = _MESSAGE.unpack_from(raw, at + _HEAD.size)
+            yield number, unix_ns, raw[at + _HEAD.size + _MESSAGE.size : stop]

@@ -26,11 +26,14 @@ SensorId = Annotated[int, NoFlag, Field(ge=0, le=2**31 - 1)]
 SourceText = Annotated[str, Field(min_length=1, max_length=128)]
 """A body's name as the camera system writes it, blanks and all."""
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-CAMERA_SYSTEMS = ("vrpn", "chingmu", "natnet", "qualisys", "vicon")
+CAMERA_SYSTEMS = ("vrpn", "chingmu", "natnet", "qualisys", "vicon", "ros2")
 MILLIMETRES = ("chingmu", "qualisys", "vicon")
 """What these send, whatever else is set."""
-IN_METRES = ("zenoh", "mavlink")
-"""What is defined in metres, by messages of ours or of MAVLink."""
+IN_METRES = ("zenoh", "mavlink", "ros2")
+"""What is defined in metres, by messages of ours, of MAVLink or of ROS."""
+BODY = "{body}"
+"""What stands for a body's name in a topic."""
+Topic = Annotated[str, Field(pattern=r"^(/([A-Za-z0-9_]|\{body\})+)+$", max_length=128)]
 _POINTING = {
     "forward": (1, 0, 0),
     "back": (-1, 0, 0),
@@ -116,6 +119,25 @@ class ViconConfig(Model):
     """TCP port of the DataStream."""
 
 
+class Ros2Config(Model):
+    """A ROS 2 graph that has the poses, by its Zenoh router `rmw_zenohd`; no ROS is needed here."""
+
+    host: Host = "127.0.0.1"
+    """Computer of the router."""
+    port: Port = 7447
+    """TCP port of the router. A ground listens there, too, unless `link` says otherwise."""
+    domain: Annotated[int, NoFlag, Field(ge=0, le=232)] = 0
+    """The graph's ROS_DOMAIN_ID."""
+    topic: Topic = "/vrpn_mocap/{body}/pose"
+    """Topic of a body, of PoseStamped or Odometry; without {body} that of all bodies, of NamedPoseArray."""
+    leader: Topic | None = None
+    """Topic of the leader, where it is another one: of a robot that says itself where it is."""
+    assemble_s: Annotated[float, NoFlag, Field(gt=0.0, le=0.01)] = 0.005
+    """Longest wait for the poses of one exposure."""
+    repeats_are_lost: Flag = True
+    """Whether a pose that repeats to the last bit counts as not seen."""
+
+
 class MocapConfig(Model):
     """Where poses come from, and the one rotation from the mocap's axes to `lab`.
 
@@ -126,7 +148,7 @@ class MocapConfig(Model):
     names: the lab's body for what the source calls it (Chingmu: the sensor's number), where the two differ.
     """
 
-    source: Literal["zenoh", "csv", "mavlink", "vrpn", "chingmu", "natnet", "qualisys", "vicon"] = "zenoh"
+    source: Literal["zenoh", "csv", "mavlink", "vrpn", "chingmu", "natnet", "qualisys", "vicon", "ros2"] = "zenoh"
     """Protocol by which poses arrive."""
     file: str | None = None
     """Recording that the source `csv` plays."""
@@ -147,6 +169,7 @@ class MocapConfig(Model):
     natnet: NatNetConfig | None = None
     qualisys: QualisysConfig | None = None
     vicon: ViconConfig | None = None
+    ros2: Ros2Config | None = None
 
     @property
     def unit_m(self) -> float:

@@ -23,7 +23,7 @@ MOST_UNKNOWN = 16
 """How many bodies that are none of the lab's are remembered, to name them."""
 TURNS, TWO_SHARE = 50, 0.2
 """Over so many frames, numbers that go back in this share are two publishers'."""
-UNNUMBERED = ("vrpn", "chingmu", "csv")
+UNNUMBERED = ("vrpn", "chingmu", "ros2", "csv")
 """Sources without numbers of their own: ours follow from the stamps."""
 SOURCE = "mocap"
 
@@ -157,7 +157,7 @@ class MocapCore:
         return self._seq
 
 
-QUATERNIONS = {"vrpn": np.float64, "chingmu": np.float64, "natnet": np.float32}
+QUATERNIONS = {"vrpn": np.float64, "chingmu": np.float64, "ros2": np.float64, "natnet": np.float32}
 MATRICES = {"qualisys": np.float32, "vicon": np.float64}
 """The numbers that each source sends, and as what."""
 

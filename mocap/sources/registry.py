@@ -109,5 +109,9 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
             from mocap.sources.vicon import Vicon
 
             return Vicon(config.mocap.vicon or ViconConfig(), lab, latency_ns, feed)
+        case "ros2":
+            from mocap.sources.ros2 import Ros2Source
+
+            return Ros2Source(config, feed)
         case "mavlink":
             raise ValueError("the ground hears poses from the drones themselves")

@@ -8,7 +8,14 @@ from formation.mocap_config import CAMERA_SYSTEMS, MocapConfig
 from sim.cameras.servers.server import Server
 from wire.clock import Clock
 
-SOURCE_OF = {"vrpn": "vrpn", "chingmu": "chingmu", "natnet": "natnet", "qtm": "qualisys", "vicon": "vicon"}
+SOURCE_OF = {
+    "vrpn": "vrpn",
+    "chingmu": "chingmu",
+    "natnet": "natnet",
+    "qtm": "qualisys",
+    "vicon": "vicon",
+    "ros2": "ros2",
+}
 """The `[mocap] source` that hears each protocol."""
 CAMERA_PORT = 292
 """Counted from the first of a flight's block: above every drone's."""
@@ -48,6 +55,10 @@ def _named_server(mocap: MocapConfig, names: tuple[str, ...], clock: Clock) -> S
             from sim.cameras.servers.vicon import vicon_server
 
             return vicon_server(mocap, names, clock)
+        case "ros2":
+            from sim.cameras.servers.ros2 import ros2_server
+
+            return ros2_server(mocap)
         case other:
             raise ValueError(f"{other} is no camera system")
 

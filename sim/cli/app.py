@@ -29,7 +29,7 @@ app = program(
     "3 starved, the machine was too slow for the simulators; 130 interrupted.",
 )
 MOST_BODIES = 250
-Protocol = Literal["vrpn", "chingmu", "natnet", "qtm", "vicon"]
+Protocol = Literal["vrpn", "chingmu", "natnet", "qtm", "vicon", "ros2"]
 
 
 def _scenarios(incomplete: str) -> list[str]:

@@ -16,12 +16,10 @@ from formation.config import LabConfig
 from formation.messages import Severity
 from formation.mocap_config import ChingmuConfig, VrpnConfig
 from formation.model import LONGEST_NAME
-from mocap.capture_time import CaptureTime
-from mocap.sources.poses import from_quaternions
+from mocap.sources.pose_frames import MOST_BODIES, Assembling, Expiry, Pacing, PoseFrames
 from mocap.sources.source import Feed, SourceStatus, seconds
 from mocap.sources.tcp import ProtocolError, Session, TcpClient
 from mocap.sources.vrpn import messages
-from mocap.sources.vrpn.frames import MOST_BODIES, Assembly, Exposure, Pacing, Rows, Stamps
 from mocap.sources.vrpn.messages import Message, Stream
 from wire.text import plain
 
@@ -104,12 +102,8 @@ NAMED_NS = 1_000_000_000
 class SourceState:
     """State that outlives a connection: how frames are numbered and counted, and what was reported to the operator."""
 
-    feed: Feed
     naming: Naming
-    pacing: Pacing
-    assemble_ns: int
-    latency_ns: int
-    repeats_are_lost: bool
+    how: Assembling
     lack: str = ""
 
 
@@ -117,34 +111,21 @@ class VrpnSession:
     """A `tcp.Session`. Poses may come as datagrams, too."""
 
     def __init__(self, known: SourceState, now_ns: int) -> None:
-        self.latency_ns: int | None = None
-        """From the exposure of the newest frame to its first pose's receipt."""
+        self.frames = PoseFrames(known.how)
         self._known = known
+        self._feed = known.how.feed
         self._stream = Stream()
         self._cookie = b""
         self._opened_ns = self._pinged_ns = now_ns
         self._senders: dict[int, str] = {}
         self._pose_type: int | None = None
-        self._time = CaptureTime(known.latency_ns)
-        self._stamps = Stamps()
         self._clocks: set[str] = set()
         """Bodies whose trackers' clocks were reported."""
-        self._begin()
-        known.pacing.restart()
 
     @property
     def bodies(self) -> tuple[str, ...]:
         """Whose poses have come, by the names of the lab."""
-        return self._rows.names
-
-    @property
-    def due_ns(self) -> int | None:
-        """When `expire` is to be called at the latest."""
-        return self._assembly.due_ns
-
-    def uncertainty_ns(self, now_ns: int) -> int | None:
-        """Uncertainty of the capture times, apart from the constant."""
-        return self._time.uncertainty_ns(now_ns)
+        return self.frames.rows.names
 
     def received(self, data: bytes, now_ns: int) -> bytes:
         """Take what came over TCP."""
@@ -157,7 +138,7 @@ class VrpnSession:
             ping = messages.description(messages.TYPE_DESCRIPTION, 0, messages.PING_TYPE)
             return ping + self.received(data, now_ns) if data else ping
         answer = self._read_messages(data, now_ns)
-        self._deliver(now_ns)
+        self.frames.deliver(now_ns)
         return answer
 
     def datagrams(self, came: Iterable[bytes], now_ns: int) -> None:
@@ -169,14 +150,10 @@ class VrpnSession:
                     if message.type == self._pose_type:
                         self._receive_pose(message, now_ns)
             except ProtocolError as error:
-                self._known.feed.reject(f"datagram: {error}")
+                self._feed.reject(f"datagram: {error}")
             if stream.is_cut:
-                self._known.feed.reject("datagram that ends within a message")
-        self._deliver(now_ns)
-
-    def expire(self, now_ns: int) -> None:
-        """A frame that has waited long enough goes out, whole or not."""
-        self._deliver(now_ns)
+                self._feed.reject("datagram that ends within a message")
+        self.frames.deliver(now_ns)
 
     def due(self, now_ns: int) -> bytes:
         """Pings, and word of missing bodies."""
@@ -204,37 +181,25 @@ class VrpnSession:
     def _receive_pose(self, message: Message, now_ns: int) -> None:
         _, sender, _, payload = message
         if len(payload) != messages.POSE_BYTES:
-            self._known.feed.reject("pose message of another length than 64 bytes")
+            self._feed.reject("pose message of another length than 64 bytes")
             return
         sensor = int.from_bytes(payload[:4], "big", signed=True)
-        is_known, row = self._rows.find(sender, sensor)
+        is_known, row = self.frames.rows.find((sender, sensor))
         if not is_known:
             row = self._new_row(sender, sensor)
         if row is not None:
-            was_coarse = self._stamps.coarse_ns
-            stamp_ns = self._stamps.time_ns(row, message.stamp_ns, payload[8:], now_ns)
-            if self._stamps.coarse_ns and not was_coarse:
-                self._go_by_arrivals()
-            self._assembly.add(row, stamp_ns, payload[8:], now_ns)
-
-    def _go_by_arrivals(self) -> None:
-        """The stamps are of no use from here on."""
-        known, step_ms = self._known, self._stamps.coarse_ns * 1e-6
-        self._time, self._assembly = CaptureTime(known.latency_ns), Assembly(known.assemble_ns)
-        known.pacing.restart()
-        text = f"the server's stamps step by {step_ms:.0f} ms, poses come more often: arrival times are used, re-timed"
-        known.feed.report(Severity.WARNING, text)
+            self.frames.receive(row, message.stamp_ns, payload[8:], now_ns)
 
     def _new_row(self, sender: int, sensor: int) -> int | None:
         """The row of what is seen for the first time; None where it is no body."""
         name = self._senders.get(sender)
         if name is None:
-            self._known.feed.reject("pose of a sender that has no name yet")
+            self._feed.reject("pose of a sender that has no name yet")
             return None
-        if self._rows.is_full:
-            self._known.feed.reject(f"pose of more than {MOST_BODIES} senders and sensors")
+        if self.frames.rows.is_full:
+            self._feed.reject(f"pose of more than {MOST_BODIES} senders and sensors")
             return None
-        return self._rows.add(sender, sensor, self._known.naming.body(name, sensor))
+        return self.frames.rows.add((sender, sensor), self._known.naming.body(name, sensor))
 
     def _name_sender(self, message: Message) -> bytes:
         """A sender is named, or renamed; the answer names it the same, so that it can be pinged."""
@@ -243,7 +208,7 @@ class VrpnSession:
             raise ProtocolError("a sender's number cannot be right")
         text = name.decode("utf-8", "replace")
         if self._senders.get(number) not in (None, text):
-            self._begin()  # poses under another name are another body's
+            self.frames.begin()  # poses under another name are another body's
         self._senders[number] = text
         return messages.description(messages.SENDER_DESCRIPTION, number, name)
 
@@ -255,46 +220,21 @@ class VrpnSession:
         elif message.sender == self._pose_type:
             self._pose_type = None
 
-    def _begin(self) -> None:
-        self._rows = Rows(self._known.repeats_are_lost)
-        self._assembly = Assembly(self._known.assemble_ns)
-        self._stamps = Stamps()
-
-    def _deliver(self, now_ns: int) -> None:
-        """Deliver what is whole, or has waited long enough."""
-        late = self._assembly.late
-        for exposure in self._assembly.pop_ready(now_ns):
-            self._deliver_one(exposure)
-        if late:
-            self._assembly.late = 0
-            self._known.feed.reject("pose later than the rest of its exposure", late)
-
-    def _deliver_one(self, exposure: Exposure) -> None:
-        pacing = self._known.pacing
-        seq = pacing.number(exposure.stamp_ns)
-        self._assembly.set_period(pacing.period_ns)
-        t_capture_ns = self._time.capture_ns(exposure.stamp_ns, exposure.arrived_ns)
-        self.latency_ns = exposure.arrived_ns - t_capture_ns
-        rows, seen = self._rows.fill(exposure)
-        feed = self._known.feed
-        feed.frame(seq, t_capture_ns, self._rows.names, *from_quaternions(rows, feed.unit_m), seen)
-
     def _report_lack(self) -> None:
         """Report missing bodies once, and again when they change."""
         known = self._known
-        lack = known.naming.lack(self._named(), self._rows.names)
+        lack = known.naming.lack(self._named(), self.bodies)
         if lack != known.lack:
             known.lack = lack
-            known.feed.report(Severity.WARNING if lack else Severity.INFO, lack or "all bodies of the lab are there")
+            self._feed.report(Severity.WARNING if lack else Severity.INFO, lack or "all bodies of the lab are there")
 
     def _report_clocks(self) -> None:
         """Report, once, bodies whose trackers' clocks are off."""
-        for row, off_s in self._stamps.off_s():
-            body = self._rows.names[row]
+        for body, off_s in self.frames.clocks_off():
             if body not in self._clocks:
                 self._clocks.add(body)
                 text = f"{body}: its tracker's clock is {off_s:+.0f} s from the others', which is corrected; set it"
-                self._known.feed.report(Severity.WARNING, text)
+                self._feed.report(Severity.WARNING, text)
 
     def _named(self) -> list[str]:
         control = messages.CONTROL.decode()
@@ -365,14 +305,14 @@ def _bodies(config: LabConfig) -> tuple[str, ...]:
 
 
 def _knowledge(config: LabConfig, server: VrpnConfig | ChingmuConfig, naming: Naming, feed: Feed) -> SourceState:
-    return SourceState(
+    how = Assembling(
         feed=feed,
-        naming=naming,
         pacing=Pacing(1e9 / config.mocap.rate_hz),
         assemble_ns=round(server.assemble_s * 1e9),
         latency_ns=round(config.mocap.constant_latency_s * 1e9),
         repeats_are_lost=server.repeats_are_lost,
     )
+    return SourceState(naming, how)
 
 
 class VrpnSource:
@@ -384,7 +324,7 @@ class VrpnSource:
         self._receiver: Datagrams | None = None
         self._session: _TimedSession | None = None
         self._status = SourceStatus(server=f"{server.host}:{server.port}")
-        self._client = TcpClient(server.host, server.port, self, known.feed)
+        self._client = TcpClient(server.host, server.port, self, known.how.feed)
 
     async def run(self) -> None:
         """Take frames until cancelled."""
@@ -398,14 +338,14 @@ class VrpnSource:
 
     def status(self) -> SourceStatus:
         """How it is doing."""
-        lost, session = self._known.pacing.lost, self._session
+        lost, session = self._known.how.pacing.lost, self._session
         status = replace(self._status, connected=self._client.connected, lost=lost)
         if session is None:
             return status
-        uncertainty_ns = session.vrpn.uncertainty_ns(self._known.feed.clock.monotonic_ns())
+        uncertainty_ns = session.vrpn.frames.uncertainty_ns(self._known.how.feed.clock.monotonic_ns())
         return replace(
             status,
-            latency_s=seconds(session.vrpn.latency_ns),
+            latency_s=seconds(session.vrpn.frames.latency_ns),
             uncertainty_s=seconds(uncertainty_ns),
             bodies=session.vrpn.bodies,
         )
@@ -413,11 +353,11 @@ class VrpnSource:
     def open(self, now_ns: int, ours: str, theirs: str) -> tuple[Session, bytes]:
         """A new connection's session and cookie; where datagrams are to go, if they are wanted."""
         if self._session is not None:
-            self._session.stop()
+            self._session.expiry.cancel()
         hello = messages.COOKIE
         if self._receiver is not None:
             hello += messages.udp_description(ours, self._receiver.port)
-        self._session = _TimedSession(VrpnSession(self._known, now_ns), self._known.feed, theirs)
+        self._session = _TimedSession(VrpnSession(self._known, now_ns), self._known.how.feed, theirs)
         return self._session, hello
 
     def datagrams(self, came: list[tuple[bytes, str]]) -> None:
@@ -426,7 +366,7 @@ class VrpnSource:
         server = session.server if session is not None else ""
         theirs = [data for data, sender in came if sender == server]
         if len(theirs) < len(came):
-            self._known.feed.reject("datagram of somebody else", len(came) - len(theirs))
+            self._known.how.feed.reject("datagram of somebody else", len(came) - len(theirs))
         if session is not None and theirs:
             session.datagrams(theirs)
 
@@ -437,12 +377,12 @@ class _TimedSession:
     def __init__(self, vrpn: VrpnSession, feed: Feed, server: str) -> None:
         self.vrpn = vrpn
         self.server = server
+        self.expiry = Expiry(vrpn.frames, feed.clock)
         self._feed = feed
-        self._timer: asyncio.TimerHandle | None = None
 
     def received(self, data: bytes, now_ns: int) -> bytes:
         answer = self.vrpn.received(data, now_ns)
-        self._set()
+        self.expiry.set()
         return answer
 
     def due(self, now_ns: int) -> bytes:
@@ -450,21 +390,4 @@ class _TimedSession:
 
     def datagrams(self, came: list[bytes]) -> None:
         self.vrpn.datagrams(came, self._feed.clock.monotonic_ns())
-        self._set()
-
-    def stop(self) -> None:
-        """No frame comes of it any more."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-
-    def _set(self) -> None:
-        due_ns = self.vrpn.due_ns
-        if due_ns is not None and self._timer is None:
-            delay_s = self._feed.clock.seconds_until(due_ns)
-            self._timer = asyncio.get_running_loop().call_later(delay_s, self._expire)
-
-    def _expire(self) -> None:
-        self._timer = None
-        self.vrpn.expire(self._feed.clock.monotonic_ns())
-        self._set()
+        self.expiry.set()

@@ -40,7 +40,7 @@ def begun(rig: Rig, *names: str) -> VrpnSession:
 def exposed(session: VrpnSession, k: int, data: bytes) -> None:
     """Exposure k arrives, and so much later is surely out."""
     session.received(data, T0 + k * PERIOD_NS)
-    session.expire(T0 + k * PERIOD_NS + 2 * MS)
+    session.frames.deliver(T0 + k * PERIOD_NS + 2 * MS)
 
 
 def test_the_librarys_server_is_understood():
@@ -52,8 +52,8 @@ def test_the_librarys_server_is_understood():
     sent = vrpn_bytes.POSE_OF_LEADER + vrpn_bytes.VELOCITY_OF_LEADER + vrpn_bytes.SENSOR_1_OF_LEADER
     assert session.received(sent, T0) == b""
     assert rig.frames == []
-    assert session.due_ns == T0 + 2 * MS
-    session.expire(T0 + 2 * MS)
+    assert session.frames.due_ns == T0 + 2 * MS
+    session.frames.deliver(T0 + 2 * MS)
     (frame,) = rig.frames
     assert frame.bodies == ("leader", "leader:1")
     assert frame.q_mocap_from_marker.tolist() == [[1.0, 0.0, 0.0, 0.0]] * 2
@@ -71,7 +71,7 @@ def test_a_session_is_the_same_in_any_pieces_and_units_are_the_labs():
         session = rig.session(T0)
         for at in range(0, len(data), piece):
             session.received(data[at : at + piece], T0)
-        session.expire(T0 + SECOND)
+        session.frames.deliver(T0 + SECOND)
         frames.append([(f.seq, f.bodies, f.pos_mocap_m.tolist(), f.seen.tolist()) for f in rig.frames])
     assert frames[0][-1][2] == [[0.004, 0.0, 0.0], [0.004, 0.001, 0.0]]
     assert rig.frames[0].q_mocap_from_marker[0].tolist() == [0.5**0.5, 0.0, 0.0, 0.5**0.5]
@@ -196,13 +196,13 @@ def test_capture_times_are_on_our_clock_whatever_the_servers_shows():
         delay_ns = 5 * MS + int(rng.exponential(1 * MS))
         data = pose(1, server_ns + exposure_ns, (k, 0.0, 0.0))
         session.received(data, T0 + exposure_ns + delay_ns)
-        session.expire(T0 + exposure_ns + delay_ns + 2 * MS)
+        session.frames.deliver(T0 + exposure_ns + delay_ns + 2 * MS)
     assert len(rig.frames) == 2000
     off_ns = np.array([f.t_capture_ns - T0 - k * PERIOD_NS for k, f in enumerate(rig.frames)])
     assert np.abs(off_ns[200:1000]).max() < MS
     assert np.abs(off_ns[1500:]).max() < 2 * MS
-    assert session.latency_ns is not None
-    assert session.latency_ns >= 4 * MS
+    assert session.frames.latency_ns is not None
+    assert session.frames.latency_ns >= 4 * MS
 
 
 def test_poses_without_stamps_are_taken_as_they_come():
@@ -221,7 +221,7 @@ def test_datagrams_bring_poses_and_cannot_end_the_connection():
     whole = pose(1, STAMP_NS, (1.0, 0.0, 0.0)), pose(2, STAMP_NS, (2.0, 0.0, 0.0))
     stranger = messages.description(-1, 1, b"stranger")
     session.datagrams((*whole, b"\xff" * 40, pose(1, STAMP_NS + PERIOD_NS, (1.0, 0.0, 0.0))[:-8], stranger), T0)
-    session.expire(T0 + SECOND)
+    session.frames.deliver(T0 + SECOND)
     assert [frame.bodies for frame in rig.frames] == [("leader", "left")]
     assert " ".join(rig.refused()) == (
         "refused: 1 x datagram: a message's length cannot be right, 1 x datagram that ends within a message"

@@ -5,7 +5,7 @@ import random
 import numpy as np
 import pytest
 
-from mocap.sources.vrpn.frames import Assembly, Exposure, Pacing
+from mocap.sources.pose_frames import Assembly, Exposure, Pacing
 
 MS, US = 1_000_000, 1000
 PERIOD_NS = 4_166_667

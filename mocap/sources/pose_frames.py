@@ -1,4 +1,4 @@
-"""Frames from VRPN's poses that come one by one: their times, exposures, numbers, and a row a body. Pure.
+"""Frames from poses that come one by one, as VRPN's and ROS 2's do: their times, exposures, numbers, and a row a body.
 
 Each tracker has a clock of its own: one that is off is found by its stamps less their arrivals, against those of the
 other bodies. Poses of one stamp, or nearly, are one exposure, out as soon as the bodies of the one before have come, or
@@ -6,8 +6,9 @@ at a deadline. Lost exposures show as gaps in the stamps. Cameras have noise: a 
 stays the same to the last bit is lost.
 """
 
+import asyncio
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass, field
 from statistics import fmean, median, median_low
 
@@ -15,6 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.maths.arrays import Bool, Float
+from formation.messages import Severity
+from mocap.capture_time import CaptureTime
+from mocap.sources.poses import from_quaternions
+from mocap.sources.source import Feed
+from wire.clock import Clock
 
 STRAY_NS = 1_000_000_000
 """A tracker's clock that is farther from the others' is off."""
@@ -276,25 +282,25 @@ class Rows:
 
     def __init__(self, repeats_are_lost: bool) -> None:
         self.names: tuple[str, ...] = ()
-        self._by_sensor: dict[tuple[int, int], int | None] = {}
+        self._by_key: dict[Hashable, int | None] = {}
         self._poses = np.zeros((0, 7))
         self._raw: list[bytes] = []
         self._repeats = Repeats() if repeats_are_lost else None
 
-    def find(self, sender: int, sensor: int) -> tuple[bool, int | None]:
-        """Whether it is known, and its row; None where it is no body."""
-        known = self._by_sensor.get((sender, sensor), -1)
+    def find(self, key: Hashable) -> tuple[bool, int | None]:
+        """Whether what the source calls so is known, and its row; None where it is no body."""
+        known = self._by_key.get(key, -1)
         return known != -1, known
 
     @property
     def is_full(self) -> bool:
         """Whether no more are remembered."""
-        return len(self._by_sensor) >= MOST_BODIES
+        return len(self._by_key) >= MOST_BODIES
 
-    def add(self, sender: int, sensor: int, name: str | None) -> int | None:
+    def add(self, key: Hashable, name: str | None) -> int | None:
         """Its row from now on; None where it is no body (`name` None)."""
         row = None if name is None else len(self.names)
-        self._by_sensor[sender, sensor] = row
+        self._by_key[key] = row
         if name is not None:
             self.names = (*self.names, name)
             self._poses = np.vstack((self._poses, NOWHERE))
@@ -315,3 +321,108 @@ class Rows:
             self._raw[row] = pose
         self._poses[rows] = values
         return self._poses, seen
+
+
+@dataclass(frozen=True, slots=True)
+class Assembling:
+    """How one source's poses become frames, over all its connections.
+
+    assemble_ns: how long an exposure waits for its last pose. latency_ns: the constant part of the delay.
+    """
+
+    feed: Feed
+    pacing: Pacing
+    assemble_ns: int
+    latency_ns: int
+    repeats_are_lost: bool
+
+
+class PoseFrames:
+    """One connection's frames, delivered to the feed as soon as they are whole, or have waited long enough."""
+
+    def __init__(self, how: Assembling) -> None:
+        self.latency_ns: int | None = None
+        """From the exposure of the newest frame to its first pose's receipt."""
+        self._how = how
+        self._time = CaptureTime(how.latency_ns)
+        self.begin()
+        how.pacing.restart()
+
+    def begin(self) -> None:
+        """Know no bodies any more."""
+        self.rows = Rows(self._how.repeats_are_lost)
+        self._assembly = Assembly(self._how.assemble_ns)
+        self._stamps = Stamps()
+
+    @property
+    def due_ns(self) -> int | None:
+        """When `deliver` is to be called at the latest."""
+        return self._assembly.due_ns
+
+    def uncertainty_ns(self, now_ns: int) -> int | None:
+        """Of the capture times, apart from the constant."""
+        return self._time.uncertainty_ns(now_ns)
+
+    def clocks_off(self) -> Iterator[tuple[str, float]]:
+        """Bodies whose stamps are of another clock than the others', and how far that one is off, s."""
+        return ((self.rows.names[row], off_s) for row, off_s in self._stamps.off_s())
+
+    def receive(self, row: int, stamp_ns: int, pose: bytes, now_ns: int) -> None:
+        """One body's pose: seven doubles in big-endian byte order, x y z, quaternion x y z w. stamp_ns: 0 for none."""
+        was_coarse = self._stamps.coarse_ns
+        stamp_ns = self._stamps.time_ns(row, stamp_ns, pose, now_ns)
+        if self._stamps.coarse_ns and not was_coarse:
+            self._go_by_arrivals()
+        self._assembly.add(row, stamp_ns, pose, now_ns)
+
+    def deliver(self, now_ns: int) -> None:
+        """Deliver what is whole, or has waited long enough; to be called when all that came was received."""
+        late = self._assembly.late
+        for exposure in self._assembly.pop_ready(now_ns):
+            self._deliver_one(exposure)
+        if late:
+            self._assembly.late = 0
+            self._how.feed.reject("pose later than the rest of its exposure", late)
+
+    def _go_by_arrivals(self) -> None:
+        """The stamps are of no use from here on."""
+        how, step_ms = self._how, self._stamps.coarse_ns * 1e-6
+        self._time, self._assembly = CaptureTime(how.latency_ns), Assembly(how.assemble_ns)
+        how.pacing.restart()
+        text = f"the server's stamps step by {step_ms:.0f} ms, poses come more often: arrival times are used, re-timed"
+        how.feed.report(Severity.WARNING, text)
+
+    def _deliver_one(self, exposure: Exposure) -> None:
+        pacing, feed = self._how.pacing, self._how.feed
+        seq = pacing.number(exposure.stamp_ns)
+        self._assembly.set_period(pacing.period_ns)
+        t_capture_ns = self._time.capture_ns(exposure.stamp_ns, exposure.arrived_ns)
+        self.latency_ns = exposure.arrived_ns - t_capture_ns
+        rows, seen = self.rows.fill(exposure)
+        feed.frame(seq, t_capture_ns, self.rows.names, *from_quaternions(rows, feed.unit_m), seen)
+
+
+class Expiry:
+    """Wakes frames that have waited long enough; of the event loop."""
+
+    def __init__(self, frames: PoseFrames, clock: Clock) -> None:
+        self._frames, self._clock = frames, clock
+        self._timer: asyncio.TimerHandle | None = None
+
+    def set(self) -> None:
+        """To be called when poses were received."""
+        due_ns = self._frames.due_ns
+        if due_ns is not None and self._timer is None:
+            delay_s = self._clock.seconds_until(due_ns)
+            self._timer = asyncio.get_running_loop().call_later(delay_s, self._expire)
+
+    def cancel(self) -> None:
+        """No frame comes of it any more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _expire(self) -> None:
+        self._timer = None
+        self._frames.deliver(self._clock.monotonic_ns())
+        self.set()

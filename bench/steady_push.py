@@ -18,6 +18,7 @@ from sim.cli.studies import vehicle_profile, without_nan
 from sim.scenario import Scenario, TrueVehicle
 from sim.studies import experiments, host
 from sim.studies.experiments import Experiment, Job
+from sim.studies.host import Host
 from sim.studies.push import Settling, settling
 from sim.studies.runner import Runner
 
@@ -29,13 +30,15 @@ MOTOR_LAGS = (1.0, 1.3, 1.6)
 
 @dataclass(frozen=True, slots=True)
 class Push:
-    """One flight: which controller and vehicle, in a push of that share, with motors so much slower, by which seed."""
+    """One flight: which controller and vehicle, in a push of that share, with motors so much slower, by which seed and
+    host."""
 
     share: float
     motor_lag: float = 1.0
     controller: str = "cfc"
     vehicle: VehicleProfile = PAPER_40G
     seed: int = 1
+    host: Host = Host.STUDY
 
 
 def jobs(controllers: Sequence[str], vehicle: VehicleProfile, seeds: Sequence[int]) -> list[Push]:
@@ -63,7 +66,7 @@ def scenario_of(job: Push) -> Scenario:
 
 def fly(job: Push) -> Settling:
     """Fly the job and measure it."""
-    result, flight = host.fly(scenario_of(job), job.seed)
+    result, flight = host.fly(scenario_of(job), job.seed, host=job.host)
     return settling(flight, result)
 
 

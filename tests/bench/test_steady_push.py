@@ -4,6 +4,7 @@ from bench import steady_push
 from bench.steady_push import Push, scenario_of
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PAPER_40G
+from sim.studies.host import Host
 
 
 def test_the_push_is_a_share_of_what_the_tilt_limit_holds_against() -> None:
@@ -26,6 +27,6 @@ def test_a_hover_comes_to_rest_in_a_steady_push(share: float, motor_lag: float) 
 
     At 0.9 of the limit a tenth of it, 0.67 m/s^2, is left to bring back the 0.1 m that it was pushed off: 0.5 s alone.
     """
-    settling = steady_push.fly(Push(share, motor_lag, seed=7))
+    settling = steady_push.fly(Push(share, motor_lag, seed=7, host=Host.LOCKSTEP))
     assert settling.at_rest
     assert settling.settle_s < (1.25 if motor_lag == 1.0 else 3.0)

@@ -14,7 +14,7 @@ import numpy as np
 from formation.config import LabConfig
 from formation.messages import Phase, Verb
 from formation.reasons import Reason, Reject
-from formation.safety.phases import AFTER_STOP, phases_for
+from formation.safety.phases import AFTER_STOP, PHASES_FOR
 from formation.safety.rules import Facts, nearest, outside_box
 from formation.safety.rules_table import BATTERY_LOW, HEARTBEAT_S, UNSEEN_S
 from gcs.drones.autopilot_model import HOVER_WITHIN, ParameterRule
@@ -56,7 +56,7 @@ Condition = Callable[[Situation], Iterable[Reject]]
 
 def reject_reasons(verb: Verb, situation: Situation) -> tuple[Reject, ...]:
     """Every reason against the request now; where it is for other phases, this one alone."""
-    phase, phases = situation.flight.phase, phases_for(verb)
+    phase, phases = situation.flight.phase, PHASES_FOR[verb]
     if phase not in phases:
         after = f": {AFTER_STOP}" if phase is Phase.STOPPED else ""
         return (Reason.OUT_OF_TURN.of(verb, ", ".join(each.name for each in phases), phase.name, after),)

@@ -200,7 +200,8 @@ class World:
         datagrams: list[Datagram] = []
         for sent in node.down.pop_due(now_ns):
             datagrams += node.receive_datagram(sent, now_ns)
-        datagrams += node.tick(now_ns)
+        if node.own_due_ns <= now_ns:
+            datagrams += node.tick(now_ns)
         for innovation in node.innovations:
             self._record(INNOVATION, innovation, now_ns)
         node.innovations.clear()

@@ -84,11 +84,14 @@ CHANGES_NO_PHASE: Mapping[Verb, tuple[Phase, ...]] = MappingProxyType(
 """Requests that are no triggers, and the phases that they are for."""
 
 
-def phases_for(verb: Verb) -> tuple[Phase, ...]:
-    """The phases in which a request may be made; every one where none stands against it."""
-    if verb in CHANGES_NO_PHASE:
-        return CHANGES_NO_PHASE[verb]
-    return allowed_from(Trigger(verb)) if verb.value in set(Trigger) else tuple(Phase)
+PHASES_FOR: Mapping[Verb, tuple[Phase, ...]] = MappingProxyType(
+    {
+        **{verb: tuple(Phase) for verb in Verb},
+        **{Verb(trigger.value): allowed_from(trigger) for trigger in Trigger if trigger.value in set(Verb)},
+        **CHANGES_NO_PHASE,
+    }
+)
+"""The phases in which a request may be made."""
 
 
 def table_markdown() -> str:

@@ -11,7 +11,7 @@ from html import escape
 
 from formation.config import Fence
 from formation.messages import Severity, Verb
-from formation.safety.phases import phases_for
+from formation.safety.phases import PHASES_FOR
 from formation.security_config import MAY_ASK, Role
 from gcs.page.scene import Body, Point, Scene
 from gcs.page.show import ABOUT, COLUMNS, LABELS, UNITS, Cell, Level, Show, Step, not_landed_text, worst
@@ -275,7 +275,7 @@ def steps(shown: Show, commands: bool) -> str:
     """For what is not allowed, every reason; what is only out of turn in few words."""
     texts = [_against(step) for step in shown.steps if step.reasons and not step.is_idle]
     turn = [
-        f"{LABELS[step.verb]}: only in {', '.join(phase.name for phase in phases_for(step.verb))}"
+        f"{LABELS[step.verb]}: only in {', '.join(phase.name for phase in PHASES_FOR[step.verb])}"
         for step in shown.steps
         if step.out_of_turn
     ]

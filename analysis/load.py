@@ -52,7 +52,7 @@ READ: Mapping[Topic, tuple[str, ...]] = MappingProxyType({
     topics.COMMAND: ("s_lead_m_s", "dist_lab_m_s2", "acc_lab_m_s2"),
     topics.TARGET: ("q_lab_from_flu", "thrust_norm", "saturation"),
     topics.TIMING: ("latency_s", "late"),
-    topics.TRUTH: ("sysid", "dist_lab_m_s2"),
+    topics.TRUTH: ("sysid", "dist_lab_m_s2", "on_ground"),
     topics.LINK_UP: ("sysid", "data", "superseded"),
     topics.LINK_DOWN: ("sysid", "data", "superseded"),
 })  # fmt: skip

@@ -10,9 +10,8 @@ from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_
 from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
-from wire.process.daemon import EventSink, Precondition, Stop, report_missing
+from wire.process.daemon import READY, EventSink, Precondition, Stop, Watchdog, notify, report_missing
 from wire.process.progress import compile_all
-from wire.process.service_manager import READY, Watchdog, notify
 from wire.process.system import prefer_process
 from wire.rejections import RejectionLog
 from wire.security.bus_access import ExposedError

@@ -51,12 +51,11 @@ from wire.files import make_folder
 from wire.ground_state import Cycles, LogFile, encode
 from wire.logs.live import sharer
 from wire.logs.mcap_write import LogWriter, record_dates
-from wire.process.daemon import Precondition, bus_at, report_missing
+from wire.process.daemon import READY, Precondition, Watchdog, bus_at, notify, report_missing
 from wire.process.deadline import Deadline
 from wire.process.output import lost_lines
 from wire.process.program import fail, print_event, print_event_json
 from wire.process.progress import compile_all
-from wire.process.service_manager import READY, Watchdog, notify
 from wire.process.system import NOT_LANDED, NOT_RIGHT, REJECTED, machine, prefer_process, raise_priority
 from wire.security.private_keys import keys_folder, read_operations
 from wire.security.protection import INSECURE, LOOPBACK_ONLY, Protection, lab_protection

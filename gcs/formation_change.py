@@ -17,10 +17,9 @@ from formation.paper.eq2_relative_frame import lead_from_lab
 from formation.reasons import Reason, Reject
 from formation.safety.rules import Facts
 from formation.safety.rules_table import UNSEEN_S
-from gcs.finding import Grade
+from gcs.finding import Grade, Keys
 from gcs.flight import Flight
 from gcs.lab.feasibility import judge_trajectory, trajectory_text
-from gcs.lab.keys import Keys
 from gcs.landing import free_spot
 
 TRACKING_M = 0.02  # by so much together two followers may miss their references before the separation filter is asked

@@ -33,11 +33,21 @@ from mocap.sources.registry import open_source
 from mocap.sources.source import Feed, SourceStatus
 from wire.clock import Clock
 from wire.ground_state import decode
-from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, bus_at, first_of, report_missing
+from wire.process.daemon import (
+    GROUND_REMEDY,
+    READY,
+    EventSink,
+    Precondition,
+    Stop,
+    Watchdog,
+    bus_at,
+    first_of,
+    notify,
+    report_missing,
+)
 from wire.process.output import dropping_output
 from wire.process.program import COLOURS, fail, print_event, print_event_json
 from wire.process.progress import compile_all
-from wire.process.service_manager import READY, Watchdog, notify
 from wire.process.system import NOT_RIGHT, REJECTED, prefer_process
 from wire.rejections import RejectionLog
 from wire.security.protection import LOOPBACK_ONLY, Protection

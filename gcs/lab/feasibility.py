@@ -11,8 +11,7 @@ from formation.guidance.preview import Preview
 from formation.maths.arrays import Float, Vec3
 from formation.trajectory_config import KINDS
 from formation.vehicle.body import GRAVITY_M_S2
-from gcs.finding import Finding
-from gcs.lab.keys import Keys
+from gcs.finding import Finding, Keys
 
 SPEED, REACH, TURNING, ENDURANCE, HEIGHT = "speed", "reach", "turn", "endurance", "height"
 EASY_SHARE = 0.7

@@ -33,9 +33,8 @@ from formation.model import QuatTuple
 from formation.safety.rules_table import STALE_SETPOINT_S
 from formation.trajectory_config import KINDS
 from formation.vehicle.profile import PROFILES, VehicleProfile
-from gcs.finding import Finding, Grade
+from gcs.finding import Finding, Grade, Keys
 from gcs.lab.feasibility import judge_feasibility
-from gcs.lab.keys import Keys
 from wire.security.bus_access import REMEDY
 
 FENCE, START, ON_TRAJECTORY, LISTED = "fence", "slots at the start", "slots on the trajectory", "listed shapes"

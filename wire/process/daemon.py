@@ -1,16 +1,20 @@
 """A daemon's life: it reports which other processes it needs are missing, and ends on a signal or with its error.
 
+To its service manager it reports by systemd's sd_notify, datagrams to the socket that the manager names; without one
+nothing is sent, and one that does not take a datagram at once goes without: it stops no flight.
 A simulator that cannot keep up ends, too: what it shows is no flight, and nothing that flies in it is to blame.
 """
 
 import asyncio
+import os
 import signal
+import socket
 from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from formation.messages import Event, Severity
-from wire.process.service_manager import notify
 
 EventSink = Callable[[Event], None]
 """Where a daemon's events go."""
@@ -126,3 +130,30 @@ class Punctuality:
         if now_ns - due_ns > LATE_NS:
             late_ms = (now_ns - due_ns) * 1e-6
             raise StarvedError(f"{self.who} is starved: {self.what} {late_ms:.0f} ms late, the machine is too slow")
+
+
+READY = "READY=1"
+"""`systemctl start` returns, and what is ordered after this is started."""
+FEED_NS = 200_000_000
+
+
+def notify(state: str) -> None:
+    """Send one state, as systemd's sd_notify(3) has them: READY, "STATUS=text"."""
+    address = os.environ.get("NOTIFY_SOCKET", "")
+    if address:
+        name = f"\0{address[1:]}" if address.startswith("@") else address
+        with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+            sender.sendto(state.encode(), socket.MSG_DONTWAIT, name)
+
+
+class Watchdog:
+    """Says every FEED_NS that the process goes on; where it does not, its manager ends it after `WatchdogSec`."""
+
+    def __init__(self) -> None:
+        self._due_ns = 0
+
+    def feed(self, now_ns: int) -> None:
+        """Call it where the process does its work."""
+        if now_ns >= self._due_ns:
+            self._due_ns = now_ns + FEED_NS
+            notify("WATCHDOG=1")

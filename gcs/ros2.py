@@ -31,7 +31,7 @@ SERVED = (Verb.HOLD, Verb.LAND)
 ANSWER_S = 3.0
 SLOW_NS = 1_000_000_000
 QUEUED = 64
-"""Chunks of the log that wait; then the oldest are lost."""
+"""Frames, and chunks of the log, that wait; then the oldest are lost."""
 LOGGED = {topic.name: schema_of(topic.type) for topic in (topics.STATE, topics.REFERENCE, topics.COMMAND)}
 ROUTER_REMEDY = "start it with `ros2 run rmw_zenoh_cpp rmw_zenohd`; a lab's own bus is none"
 
@@ -78,11 +78,13 @@ class Shows:
             }
 
     def receive_chunk(self, chunk: bytes) -> None:
-        """The newest moments of the log."""
-        for number, _, data in self._log.messages(chunk):
-            decoder = self._decoders.get(number)
-            if decoder is not None:
-                self._publish_all(self._flight.of(decoder(data), self._log.ahead_ns))
+        """The newest moments of the log; of each topic the last message is shown."""
+        if not any(publisher.has_subscribers for publisher in self.publishers.values()):
+            return
+        newest = {number: data for number, _, data in self._log.messages(chunk)}
+        for number, read in self._decoders.items():
+            if number in newest:
+                self._publish_all(self._flight.of(read(newest[number]), self._log.ahead_ns))
 
     def receive_state(self, text: str) -> None:
         """The ground's published state; the newest is read once a second."""
@@ -139,7 +141,7 @@ async def _publish(shows: Shows, graph: Graph, bus: ZenohBus, name: str, clock: 
     try:
         async with asyncio.TaskGroup() as requests:
             shows.publishers = {topic: node.publisher(topic, kind, topic == TF_STATIC) for topic, kind in shows.types}
-            MocapBus(bus, clock).on_frame(shows.receive_frame)
+            MocapBus(bus, clock).on_frame(shows.receive_frame, QUEUED)
             _listen(bus, name, shows)
             for verb in SERVED:
                 node.serve(verb.command_name, SERVICE, _service(verb, bus, name, requests))

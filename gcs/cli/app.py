@@ -299,7 +299,7 @@ def ros2(
     Needs no ROS on this machine. Whoever is in the graph may ask for `hold` and `land`, and for nothing else.
     A process of its own: the ground waits for nobody.
     """
-    import asyncio  # here, as below: what an operator's command loads waits for none of it
+    import uvloop  # here, as below: what an operator's command loads waits for none of it
 
     from gcs.ros2 import run
     from wire.ros2.node import Graph
@@ -316,7 +316,7 @@ def ros2(
     graph = Graph(router, domain, f"/{path}" if path else "")
     try:
         protection = lab_protection(config.security, lab, identity, insecure=insecure)
-        count = asyncio.run(run(config, name, graph, print_event, protection, clock.Clock(speed)))
+        count = uvloop.run(run(config, name, graph, print_event, protection, clock.Clock(speed)))
     except (ConfigError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
     except OSError as error:

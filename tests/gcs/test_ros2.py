@@ -73,7 +73,8 @@ def state(**changes: object) -> GroundState:
     )  # fmt: skip
 
 
-def test_every_estimate_target_and_error_of_the_log_is_published_at_its_own_stamp(tmp_path) -> None:
+def test_estimate_target_and_error_of_each_chunk_s_end_are_published_at_their_own_stamps(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("wire.logs.mcap_write._CHUNK_MESSAGES", 1)  # each is the last one of its chunk
     shown, publishers = shows()
     for key, payload in shared(tmp_path / "flight.mcap"):
         (shown.receive_head if key == HEAD else shown.receive_chunk)(payload)

@@ -100,15 +100,14 @@ class Flight:
 
     def _odometry(self, state: SwarmState, unix_ns: int) -> Iterator[Shown]:
         stamp = _stamp(unix_ns)
-        q_flu_from_lab = inverse(state.q_lab_from_flu)
         turning_lab = np.zeros_like(state.vel_lab_m_s)
         turning_lab[:, 2] = state.yaw_rate_rad_s
-        twists = np.hstack([rotate(q_flu_from_lab, v) for v in (state.vel_lab_m_s, turning_lab)]).tolist()
+        linear, angular = rotate(inverse(state.q_lab_from_flu), np.stack([state.vel_lab_m_s, turning_lab])).tolist()
         seen = np.isfinite(state.age_s).tolist()
         poses = _poses(state.pos_lab_m, state.q_lab_from_flu)
-        for body, is_known, pose, twist in zip(self._bodies, seen, poses, twists, strict=True):
+        for body, is_known, pose, *twist in zip(self._bodies, seen, poses, linear, angular, strict=True):
             if is_known:
-                covered = (*pose, *_UNKNOWN_COVARIANCE, *twist, *_UNKNOWN_COVARIANCE)
+                covered = (*pose, *_UNKNOWN_COVARIANCE, *twist[0], *twist[1], *_UNKNOWN_COVARIANCE)
                 yield f"{self._name[body]}/odom", (*stamp, LAB, body, *covered)
 
     def _targets(self, reference: Reference, unix_ns: int) -> Iterator[Shown]:

@@ -19,7 +19,8 @@ from typing import Any
 
 Values = tuple[Any, ...]
 Layout = tuple["Part", ...]
-COUNT, TEXT = "I", "s"
+COUNT = "I"
+TEXT: Layout = ()
 _SEPARATOR = "=" * 80
 _HEADER = bytes((0, 1, 0, 0))
 """Of a CDR in little-endian byte order."""
@@ -54,21 +55,14 @@ class Field:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Numbers in a row, by `struct`'s codes; where a text or items follow, the last number is their count."""
+    """Numbers in a row, by `struct`'s codes, the first `own` of them the message's own; then what the last one counts.
+
+    items: the layout of a sequence's items, empty for a text; None where nothing follows.
+    """
 
     codes: str
-    items: Layout = ()
-    has_text: bool = False
-
-    @property
-    def is_counted(self) -> bool:
-        """Whether a text or items follow."""
-        return self.has_text or bool(self.items)
-
-    @property
-    def own(self) -> int:
-        """How many numbers are the message's own."""
-        return len(self.codes) - self.is_counted
+    own: int
+    items: Layout | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,23 +192,23 @@ def _field_type(field: Field) -> Mapping[str, object]:
 def _layout(name: str) -> Layout:
     parts, codes = list[Part](), ""
     for atom in _atoms(name):
-        if isinstance(atom, str) and atom != TEXT:
+        if isinstance(atom, str):
             codes += atom
         else:
-            parts.append(Part(codes + COUNT, (), has_text=True) if isinstance(atom, str) else Part(codes + COUNT, atom))
+            parts.append(Part(codes + COUNT, len(codes), atom))
             codes = ""
-    return (*parts, Part(codes)) if codes else tuple(parts)
+    return (*parts, Part(codes, len(codes))) if codes else tuple(parts)
 
 
 def _atoms(name: str) -> Iterator[str | Layout]:
-    """The members spread out: the code of a number, TEXT, or the layout of a sequence's items."""
+    """The members spread out: the code of a number, the layout of a sequence's items, or an empty one for a text."""
     for field in _fields(name):
-        own = _CODES.get(field.kind, TEXT)
+        code = _CODES.get(field.kind)
         if field.array in (_BOUNDED, _UNBOUNDED):
-            yield (Part(own),) if field.kind in _CODES else _layout(field.kind)
+            yield _layout(field.kind) if code is None else (Part(code, 1),)
         else:
             for _ in range(max(field.size, 1)):
-                yield from (own,) if field.kind in _NUMBERS_OF_TYPES else _atoms(field.kind)
+                yield from _atoms(field.kind) if "/" in field.kind else (code or TEXT,)
 
 
 @lru_cache(maxsize=256)
@@ -231,19 +225,19 @@ def _run(codes: str, phase: int) -> struct.Struct:
 def _write(layout: Layout, values: Values, out: bytearray) -> None:
     at = 0
     for part in layout:
-        numbers = values[at : at + part.own]
-        at += part.own
-        if not part.is_counted:
-            out += _run(part.codes, len(out) % 8).pack(*numbers)
+        run, end = _run(part.codes, len(out) % 8), at + part.own
+        if part.items is None:
+            out += run.pack(*values[at:end])
+            at = end
             continue
-        counted = values[at].encode() + b"\0" if part.has_text else values[at]
-        at += 1
-        out += _run(part.codes, len(out) % 8).pack(*numbers, len(counted))
-        if part.has_text:
-            out += counted
-        else:
+        counted = values[end] if part.items else values[end].encode() + b"\0"
+        out += run.pack(*values[at:end], len(counted))
+        at = end + 1
+        if part.items:
             for item in counted:
                 _write(part.items, item, out)
+        else:
+            out += counted
     if at != len(values):
         raise struct.error(f"{at} values are wanted, not {len(values)}")
 
@@ -255,18 +249,18 @@ def _read(layout: Layout, data: memoryview, at: int) -> tuple[Values, int]:
         run = _run(part.codes, at % 8)
         values += run.unpack_from(data, at)
         at += run.size
-        if not part.is_counted:
+        if part.items is None:
             continue
         count = values.pop()
         if count > len(data) - at:
             raise struct.error(f"{count} items in {len(data) - at} bytes")
-        if part.has_text:
-            values.append(str(data[at : at + max(count - 1, 0)], "utf-8", "replace"))
-            at += count
-        else:
+        if part.items:
             items: list[Values] = []
             for _ in range(count):
                 item, at = _read(part.items, data, at)
                 items.append(item)
             values.append(tuple(items))
+        else:
+            values.append(str(data[at : at + max(count - 1, 0)], "utf-8", "replace"))
+            at += count
     return tuple(values), at

@@ -66,7 +66,7 @@ class Publisher:
     def publish(self, values: Values) -> None:
         """Publish a message; dropped and counted where Zenoh's queue is full."""
         self._number += 1
-        attached = _ATTACHED.pack(self._number, clock.REAL_TIME.pair().unix_ns, _GID_BYTES, self._gid)
+        attached = _ATTACHED.pack(self._number, clock.unix_us() * 1000, _GID_BYTES, self._gid)
         try:
             self._publisher.put(self._kind.encode(values), attachment=attached)
             self._counters.sent += 1
@@ -149,7 +149,7 @@ class Node:
                 return
 
             def reply(values: Values) -> None:
-                attached = _ATTACHED.pack(number, clock.REAL_TIME.pair().unix_ns, _GID_BYTES, gid)
+                attached = _ATTACHED.pack(number, clock.unix_us() * 1000, _GID_BYTES, gid)
                 try:
                     query.reply(key, response.encode(values), attachment=attached)
                 except zenoh.ZError:  # the one who asked has gone

@@ -94,8 +94,8 @@ class MocapBus:
         """Whether a process subscribes to the frames that this one publishes."""
         return self._bus.has_subscribers("mocap/frame")
 
-    def on_frame(self, callback: Callable[[LabFrame], None]) -> None:
-        """Call back with each frame, its stamps on our clock; the latest wins where the loop is late."""
+    def on_frame(self, callback: Callable[[LabFrame], None], limit: int = 1) -> None:
+        """Call back with each frame, its stamps on our clock; so many wait where the loop is late, the newest."""
 
         def receive(sample: zenoh.Sample) -> None:
             frame = self._decoded("mocap/frame", _FRAME, sample)
@@ -114,7 +114,7 @@ class MocapBus:
             else:
                 self._bus.reject("mocap/frame", f"frame {fault}")
 
-        self._bus.listen("mocap/frame", receive, limit=1)
+        self._bus.listen("mocap/frame", receive, limit)
 
     def publish_event(self, event: Event) -> None:
         """Publish an event of the mocap process."""

@@ -22,7 +22,7 @@ from wire.ros2.node import Graph, Node
 
 _POSE = struct.Struct(">7d")
 _WATCH_S = 1.0
-_ARRAY = "motion_capture_tracking_interfaces/msg/NamedPoseArray"
+ARRAY = "motion_capture_tracking_interfaces/msg/NamedPoseArray"
 
 
 class Ros2Source:
@@ -31,7 +31,7 @@ class Ros2Source:
     def __init__(self, config: LabConfig, feed: Feed) -> None:
         self._config = config.mocap.ros2 or Ros2Config()
         self._topics = _topics(config, self._config)
-        self._types = {kind.dds_name: kind for kind in map(message_type, (_ARRAY, *POSE_AT))}
+        self._types = {kind.dds_name: kind for kind in map(message_type, (ARRAY, *POSE_AT))}
         self._feed = feed
         how = Assembling(
             feed=feed,
@@ -42,7 +42,8 @@ class Ros2Source:
         )
         self._pacing, self._frames = how.pacing, PoseFrames(how)
         self._expiry: Expiry | None = None
-        self._body_list = BodyList(tuple(vehicle.body for vehicle in config.vehicles), feed)
+        self._bodies = tuple(vehicle.body for vehicle in config.vehicles)
+        self._body_list = BodyList(self._bodies, feed)
         self._router = f"tcp/{self._config.host}:{self._config.port}"
         self._status = SourceStatus(server=f"{self._router}, domain {self._config.domain}")
         self._node: Node | None = None
@@ -105,10 +106,11 @@ class Ros2Source:
         is_known, row = rows.find(theirs)
         if is_known:
             return row
-        if rows.is_full:
+        name = self._feed.name(theirs)
+        if rows.is_full and name not in self._bodies:
             self._feed.reject(f"pose of more than {MOST_BODIES} bodies")
             return None
-        return rows.add(theirs, self._feed.name(theirs))
+        return rows.add(theirs, name)
 
     def _note_joined(self, is_joined: bool) -> None:
         if is_joined == self._was_joined:
@@ -134,7 +136,7 @@ def _topics(config: LabConfig, ros2: Ros2Config) -> dict[str, str]:
 
 def _poses(kind: MessageType, body: str, values: Values) -> Iterator[tuple[str, bytes]]:
     """(name, seven doubles) of each body in a message; ROS has quaternions as x y z w."""
-    if kind.name == _ARRAY:
+    if kind.name == ARRAY:
         yield from ((name, _POSE.pack(*pose)) for name, *pose in values[-1])
     else:
         at = POSE_AT[kind.name]

@@ -50,6 +50,7 @@ TARGETS: Mapping[str, Row] = MappingProxyType(
         "page": Row(flight.Page),
         "live": Row(flight.LiveLog),
         "natnet": Row(cameras.NatNetCamera, STALLED_S, probe_every=1024),
+        "ros2": Row(cameras.Ros2Camera, STALLED_S),
         **{source: Row(partial(cameras.TcpCamera, source=source), STALLED_S) for source in cameras.SERVERS},
     }
 )

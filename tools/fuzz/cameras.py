@@ -13,6 +13,7 @@ from formation.messages import RawFrame
 from mocap import core
 from mocap.sources.natnet.session import NatNetSession
 from mocap.sources.registry import open_source
+from mocap.sources.ros2 import ARRAY, POSE_AT, Ros2Source
 from mocap.sources.source import Feed
 from mocap.sources.tcp import ProtocolError
 from mocap.sources.vrpn import messages
@@ -22,6 +23,7 @@ from sim.cameras.servers.vrpn import Names, SensorEach, ServerKind, TrackerEach
 from tools.fuzz.draw import TEXTS, Draw
 from wire.clock import Clock
 from wire.rejections import RejectionLog
+from wire.ros2.message_types import MessageType, Values, message_type
 
 STEP_NS = 1_000_000
 BODIES = ("lead", "left")
@@ -228,6 +230,49 @@ class NatNetCamera(Camera):
         self._number += 1
         with np.errstate(all="ignore"):
             return server.frame(replace(frame, seq=self._number), self._now_ns)
+
+
+class Ros2Camera(Camera):
+    """A subscriber to every type that it reads; after all of it a sound message is understood."""
+
+    def __init__(self, draw: Draw, counts: Counter[str]) -> None:
+        super().__init__(draw, counts, "ros2")
+        self._source = Ros2Source(self._config, self._feed)
+        self._types = [message_type(name) for name in (ARRAY, *POSE_AT)]
+
+    def feed(self) -> None:
+        draw, frame = self._draw, self._frame()
+        self._now_ns += STEP_NS
+        kind = draw.choice(self._types)
+        data = draw.spoiled(kind.encode(_poses_of(kind, frame)), 0.7)
+        name = draw.choice((kind, kind, kind, *self._types)).dds_name
+        self._source.receive(draw.choice(frame.bodies or BODIES), name, data, self._now_ns)
+        self._counts["rejected"] = self._log.count
+
+    def probe(self) -> str:
+        """Empty where sound messages are taken."""
+        taken = self._counts["taken"]
+        for k in range(PATIENCE):
+            self._now_ns += 10 * STEP_NS
+            sound = sound_frame(self._now_ns)
+            moved = replace(sound, pos_mocap_m=sound.pos_mocap_m + 1e-6 * k)  # one that repeats is a lost body's
+            data = self._types[0].encode(_poses_of(self._types[0], moved))
+            self._source.receive("", self._types[0].dds_name, data, self._now_ns)
+            if self._counts["taken"] > taken and self._last.seen.any():
+                return ""
+        return "sound messages are not taken any more"
+
+
+def _poses_of(kind: MessageType, frame: RawFrame) -> Values:
+    """A message of that type, of all bodies or of the first."""
+    seconds, ns = divmod(frame.t_capture_ns, 1_000_000_000)
+    head = (seconds % 2**31, ns, "world")
+    rows = zip(frame.bodies, frame.pos_mocap_m.tolist(), frame.q_mocap_from_marker.tolist(), strict=True)
+    poses = tuple((name, *pos, x, y, z, w) for name, pos, (w, x, y, z) in rows)
+    if kind.name == ARRAY:
+        return (*head, poses)
+    pose = poses[0][1:] if poses else (0.0,) * 7
+    return (*head, *pose) if POSE_AT[kind.name] == len(head) else (*head, "base", *pose, *(0.0,) * 78)
 
 
 def sound_frame(now_ns: int) -> RawFrame:

@@ -8,12 +8,13 @@ import zenoh
 
 from formation.messages import RawFrame
 from formation.mocap_config import BODY, MocapConfig, Ros2Config
+from mocap.sources.ros2 import ARRAY
 from sim.cameras.servers.server import Server, ServerClock
 from wire.ros2.message_types import Values, ros_name
 from wire.ros2.node import Graph, Node, Publisher
 
 WORLD = "world"
-SINGLE, ARRAY = "geometry_msgs/msg/PoseStamped", "motion_capture_tracking_interfaces/msg/NamedPoseArray"
+SINGLE = "geometry_msgs/msg/PoseStamped"
 
 
 def ros2_server(config: MocapConfig) -> Server:

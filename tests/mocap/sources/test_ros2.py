@@ -118,3 +118,16 @@ def test_topics_are_a_body_s_own_or_one_of_all_and_the_leader_may_have_another()
 def test_a_topic_that_is_none_is_refused(topic: str) -> None:
     with pytest.raises(ValueError, match="ros2"):
         Rig(ros2={"topic": topic})
+
+
+def test_any_number_of_strangers_keeps_no_body_of_the_lab_out() -> None:
+    rig = Rig()
+    strangers = tuple((f"wand{k}", float(k), 0.0, 0.0, *TURN) for k in range(300))
+    rig.hear("", ARRAY, (*stamp(), "world", strangers))
+    rig.expire()
+    rig.hear("", ARRAY, (*stamp(1), "world", (("left", 1.0, 2.0, 3.0, *TURN),)))
+    rig.expire()
+    assert "pose of more than 256 bodies" in rig.refused()[0]
+    last = rig.frames[-1]
+    assert last.pos_mocap_m[last.seen].tolist() == [[1.0, 2.0, 3.0]]
+    assert "left" in last.bodies

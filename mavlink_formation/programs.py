@@ -22,6 +22,7 @@ _EXTRAS = {
     "page": ("nicegui", "uvicorn"),
     "report": ("jinja2", "markupsafe", "matplotlib", "scipy"),
     "doctor": ("mavsdk",),
+    "metrics": ("prometheus_client",),
 }  # fmt: skip
 """What each optional part of the installation brings, as it is imported."""
 _NOT_RIGHT = 2  # wire.process.system

@@ -283,6 +283,38 @@ ROUTER = "tcp/127.0.0.1:7447"
 
 @app.command()
 @dropping_output()
+def metrics(
+    lab: LabFile,
+    name: Name = GCS_NAME,
+    host: Annotated[str, typer.Option(help="Where it is served.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=1, max=65535, help="And on which port.")] = 9108,
+    insecure: Insecure = False,
+    _json: Json = False,
+) -> None:
+    """Serve the flight's state as OpenMetrics for Prometheus, at http://HOST:PORT/metrics, until Ctrl-C.
+
+    JSON: its errors. A process of its own: the ground waits for nobody.
+    """
+    import uvloop  # here, as below: what an operator's command loads waits for none of it
+
+    from gcs.metrics import run
+    from wire.security.protection import lab_protection
+
+    if not (insecure or is_loopback(host)):
+        fail(f"--host {host} is not this machine, and metrics have no password: scrape them here", NOT_RIGHT)
+    config = configuration(lab)
+    try:
+        protection = lab_protection(config.security, lab, TOOL, insecure=insecure)
+        typer.echo(f"metrics: http://{host}:{port}/metrics", err=True)
+        uvloop.run(run(config.link, config.name, name, (host, port), print_event, protection))
+    except (ConfigError, ValueError) as error:
+        fail(str(error), NOT_RIGHT)
+    except OSError as error:
+        fail(f"{host}:{port}: {error.strerror or error}", REJECTED)
+
+
+@app.command()
+@dropping_output()
 def ros2(
     lab: LabFile,
     name: Name = GCS_NAME,

@@ -13,7 +13,8 @@ from formation.messages import RawFrame
 from mocap import core
 from mocap.sources.natnet.session import NatNetSession
 from mocap.sources.registry import open_source
-from mocap.sources.ros2 import ARRAY, POSE_AT, Ros2Source
+from mocap.sources.ros2 import ARRAY, Ros2Source
+from mocap.sources.rosbag import POSE_AT
 from mocap.sources.source import Feed
 from mocap.sources.tcp import ProtocolError
 from mocap.sources.vrpn import messages

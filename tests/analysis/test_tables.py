@@ -108,8 +108,8 @@ def test_parquet_holds_what_csv_holds(path: Path) -> None:
 def test_what_cannot_be_exported_says_what_to_do(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
     for flags, words in (
-        ([], "--csv or --parquet"),
-        (["--csv", "--parquet"], "--csv or --parquet"),
+        ([], "--csv, --parquet or --rosbag2"),
+        (["--csv", "--parquet"], "--csv, --parquet or --rosbag2"),
         (["--parquet"], "mavlink-formation[parquet]"),
     ):
         result = CliRunner().invoke(app, ["export", str(path), *flags])

@@ -23,8 +23,11 @@ TEXTS = ("", "lead", "left", "wand", "x" * 70, "x" * 300, "\x1b[2J", "../../x", 
          "MPC_THR_HOVER", "COM_OF_LOSS_T", "MIS_TAKEOFF_ALT", "age_ms")  # fmt: skip
 COMMANDS = (*MavCommand, 0, 16, 65535)
 LATE_MS = (0, 1, 5, 8, 900, 2000, -1, -3, -15, -(10**9))
-CALM = (Verb.HOLD, Verb.START, Verb.SHAPE, Verb.TRAJECTORY, Verb.STATUS, Verb.ARM, Verb.TAKEOFF, Verb.TAKE_CONTROL)
-REQUESTED = ("", "line", "circle:0.5", "grid:1e308", "line:nan", "x" * 900, "\x1b[2J", "configured")
+CALM = (
+    Verb.HOLD, Verb.START, Verb.SHAPE, Verb.TRAJECTORY, Verb.STATUS, Verb.ARM, Verb.TAKEOFF, Verb.TAKE_CONTROL,
+    Verb.HOME, Verb.EXCLUDE, Verb.INCLUDE,
+)  # fmt: skip
+REQUESTED = ("", "left", "line", "circle:0.5", "grid:1e308", "line:nan", "x" * 900, "\x1b[2J", "configured")
 NO_STATES = ("[" * 5000, '{"a":' * 5000, "NaN", "", "{}", "[]", '{"drones": 1}', "9" * 5000, '"\\ud800"')
 MTU = 1500
 CRAFTED = (
@@ -171,7 +174,9 @@ class Draw(Random):
     def request(self) -> bytes:
         """An operator's, seldom one that ends the flight."""
         verb = self.choice((Verb.LAND, Verb.STOP)) if self.random() < 0.001 else self.choice(CALM)
-        return self.spoiled(REQUEST.encode(OperatorRequest(self.whole(), verb, self.choice(REQUESTED))))
+        names_nobody = verb in (Verb.ARM, Verb.LAND) and self.random() < 0.9
+        argument = "" if names_nobody else self.choice(REQUESTED)
+        return self.spoiled(REQUEST.encode(OperatorRequest(self.whole(), verb, argument)))
 
     def state(self, text: str) -> str:
         """A ground's or a mocap's state, with anything in the place of some values."""

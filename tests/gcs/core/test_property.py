@@ -56,9 +56,12 @@ def _babble(lab, k):
 FAULTS = (_hide, _stop_frames, _mute, _deafen, _refuse, _take_over, _disarm, _carry_away, _babble)
 FLIGHT = (Verb.ARM, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND)
 
+ARGUMENTS = {Verb.SHAPE: "configured", Verb.TRAJECTORY: "configured", Verb.EXCLUDE: "left", Verb.INCLUDE: "left"}
+REQUESTS = (*((verb, ARGUMENTS.get(verb, "")) for verb in Verb), (Verb.LAND, "left"), (Verb.ARM, "lead,right"))
+
 steps = st.one_of(
-    st.tuples(st.just("ask"), st.sampled_from(list(Verb))),
-    st.tuples(st.just("ask"), st.sampled_from(FLIGHT)),
+    st.tuples(st.just("ask"), st.sampled_from(REQUESTS)),
+    st.tuples(st.just("ask"), st.sampled_from([(verb, "") for verb in FLIGHT])),
     st.tuples(st.just("run"), st.floats(0.05, 4.0)),
     st.tuples(st.just("fault"), st.tuples(st.sampled_from(FAULTS), st.integers(0, 2))),
 )
@@ -67,7 +70,7 @@ steps = st.one_of(
 def _apply(lab: FakeLab, step) -> None:
     kind, what = step
     if kind == "ask":
-        lab.ask(what, "configured")
+        lab.ask(*what)
     elif kind == "run":
         lab.run(what)
     else:
@@ -97,7 +100,7 @@ def test_requests_and_faults_in_any_order(start, rest):
         was_stopped = lab.phase is Phase.STOPPED
         heard = {sysid: len(drone.heard) for sysid, drone in lab.drones.items()}
         _apply(lab, step)
-        assert not was_stopped or lab.phase is Phase.STOPPED or step[1] is Verb.RESET
+        assert not was_stopped or lab.phase is Phase.STOPPED or step[1] == (Verb.RESET, "")
         if was_stopped and lab.phase is Phase.STOPPED:
             _check_since(lab, heard)
     lab.frames_stopped = False

@@ -343,7 +343,8 @@ def ros2(
             f"{namespace!r} is no namespace of ROS 2: letters, digits and _", param_hint="--namespace"
         )
     if not (insecure or is_local_endpoint(router)):
-        fail(f"--router {router} is not on this machine, and a ROS graph has no keys: run rmw_zenohd here", NOT_RIGHT)
+        remedy = "run rmw_zenohd here, or, for simulation only, --insecure"
+        fail(f"--router {router} is not on this machine, and a ROS graph has no keys: {remedy}", NOT_RIGHT)
     config = configuration(lab)
     graph = Graph(router, domain, f"/{path}" if path else "")
     try:

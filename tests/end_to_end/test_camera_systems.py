@@ -9,6 +9,7 @@ import pytest
 from formation import topics
 from formation.maths.frames import canonical
 from formation.messages import LabFrame, Phase, Truth
+from formation.mocap_config import IN_METRES
 from sim.cameras.systems import SOURCE_OF, lab_with
 from sim.fly import Files
 from sim.ports import private_link
@@ -29,7 +30,7 @@ TURNED = """
 source = "{source}"
 axes = ["x right", "y up", "z back"]
 origin_lab_m = [0.3, -0.2, 0.1]
-unit = "mm"
+unit = "{unit}"
 names = {{ "{leader}" = "leader" }}
 """
 
@@ -70,9 +71,10 @@ async def frames_of(scenario: Scenario, protocol: str, folder: Path) -> list[Lab
 
 
 @pytest.mark.parametrize("protocol", sorted(SOURCE_OF))
-def test_in_a_turned_room_in_millimetres_poses_are_where_the_drones_are(protocol: str, tmp_path: Path) -> None:
+def test_in_a_turned_room_poses_are_where_the_drones_are(protocol: str, tmp_path: Path) -> None:
     source, leader = SOURCE_OF[protocol], "307" if protocol == "chingmu" else "Quad 1"
-    file = write_scenario(tmp_path, LINE, TURNED.format(source=source, leader=leader), UPSIDE_DOWN)
+    unit = "m" if source in IN_METRES else "mm"
+    file = write_scenario(tmp_path, LINE, TURNED.format(source=source, leader=leader, unit=unit), UPSIDE_DOWN)
     scenario = load(str(file))
     frames = asyncio.run(frames_of(scenario, protocol, tmp_path))
     assert {frame.bodies for frame in frames} == {tuple(vehicle.body for vehicle in scenario.lab.vehicles)}

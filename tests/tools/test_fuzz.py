@@ -15,6 +15,7 @@ TAKEN = {
     "natnet": {"taken": 200, "rejected": 500},
     "vrpn": {"taken": 500, "rejected": 100, "connections ended": 10},
     "chingmu": {"taken": 500, "rejected": 100, "connections ended": 10},
+    "ros2": {"taken": 500, "rejected": 500},
     "bridge": {"passed": 500},
     "agent": {"answers": 500},
 }

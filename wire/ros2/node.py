@@ -24,7 +24,6 @@ from wire.ros2.message_types import CdrError, MessageType, Values, message_type
 from wire.transport.link import LinkCounters
 from wire.transport.zenoh_bus import LARGEST_PAYLOAD, Inbox
 
-ROUTER = "tcp/127.0.0.1:7447"
 _ATTACHED = struct.Struct("<qqB16s")
 _GID_BYTES = 16
 _QUEUED = 256
@@ -43,7 +42,7 @@ Reply = Callable[[Values], None]
 class Graph:
     """Where a graph is, and where in it a node stands; namespace: empty or `/NAME`."""
 
-    router: str = ROUTER
+    router: str
     domain: int = 0
     namespace: str = ""
     node: str = "formation"

@@ -34,9 +34,10 @@ class Ros2Server:
     async def start(self) -> None:
         """Listen; OSError where the address is taken."""
         config = zenoh.Config()
+        endpoint = f"tcp/{self._ros2.host}:{self._ros2.port}"
         values = {
             "mode": "router",
-            "listen/endpoints": [f"tcp/{self._ros2.host}:{self._ros2.port}"],
+            "listen/endpoints": [endpoint],
             "scouting/multicast/enabled": False,
         }
         for key, value in values.items():
@@ -45,7 +46,7 @@ class Ros2Server:
             session = await asyncio.to_thread(zenoh.open, config)
         except zenoh.ZError as error:
             raise OSError(str(error)) from error
-        self._node, self._publishers = Node(session, Graph(domain=self._ros2.domain, node="mocap")), {}
+        self._node, self._publishers = Node(session, Graph(endpoint, self._ros2.domain, node="mocap")), {}
 
     def publish(self, frame: RawFrame) -> None:
         """One exposure."""

@@ -14,17 +14,14 @@ up. `map` is REP-105's name for a frame that stands still. Standard messages alo
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-
-import numpy as np
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from math import isfinite
 
 from formation.config import LabConfig
-from formation.maths.arrays import Float
-from formation.maths.frames import from_yaw, inverse, rotate, rotate_about_z
+from formation.maths.frames import one_from_yaw, rotate_one
 from formation.messages import Command, Event, LabFrame, PhaseChange, Reference, Severity, SwarmState
 from wire.ground_state import Alarm
 from wire.logs.scene import LAB, slot_frame
-from wire.logs.views import reference_lab
 from wire.ros2.message_types import Values, ros_name
 
 TF, TF_STATIC, DIAGNOSTICS = "/tf", "/tf_static", "/diagnostics"
@@ -59,7 +56,7 @@ class Flight:
         if twice:
             bodies = ", ".join(body for body, name in self._name.items() if name == twice[0])
             raise ValueError(f"{bodies}: the topics of all of them would be {twice[0]}/...: rename one")
-        self._heading_rad: Float = np.zeros(len(self._commanded))
+        self._heading_rad = [0.0] * len(self._commanded)
 
     @property
     def types(self) -> Mapping[str, str]:
@@ -76,7 +73,7 @@ class Flight:
             case SwarmState():
                 yield from self._odometry(record, record.t_ns + ahead_ns)
             case Reference():
-                self._heading_rad = record.heading_rad
+                self._heading_rad = record.heading_rad.tolist()
                 yield from self._targets(record, record.t_ns + ahead_ns)
             case Command():
                 yield from self._errors(record, record.t_ns + ahead_ns)
@@ -91,37 +88,49 @@ class Flight:
 
     def _poses(self, frame: LabFrame, unix_ns: int) -> Iterator[Shown]:
         stamp, transforms = _stamp(unix_ns), list[Values]()
-        rows = zip(frame.bodies, frame.seen.tolist(), _poses(frame.pos_lab_m, frame.q_lab_from_flu), strict=True)
-        for body, seen, pose in rows:
+        rows = zip(
+            frame.bodies, frame.seen.tolist(), frame.pos_lab_m.tolist(), frame.q_lab_from_flu.tolist(), strict=True
+        )
+        for body, seen, pos_m, q in rows:
             if seen:
+                pose = _pose(pos_m, q)
                 transforms.append((*stamp, LAB, body, *pose))
                 yield f"{self._name[body]}/pose", (*stamp, LAB, *pose)
         yield TF, (tuple(transforms),)
 
     def _odometry(self, state: SwarmState, unix_ns: int) -> Iterator[Shown]:
         stamp = _stamp(unix_ns)
-        turning_lab = np.zeros_like(state.vel_lab_m_s)
-        turning_lab[:, 2] = state.yaw_rate_rad_s
-        linear, angular = rotate(inverse(state.q_lab_from_flu), np.stack([state.vel_lab_m_s, turning_lab])).tolist()
-        seen = np.isfinite(state.age_s).tolist()
-        poses = _poses(state.pos_lab_m, state.q_lab_from_flu)
-        for body, is_known, pose, *twist in zip(self._bodies, seen, poses, linear, angular, strict=True):
-            if is_known:
-                covered = (*pose, *_UNKNOWN_COVARIANCE, *twist[0], *twist[1], *_UNKNOWN_COVARIANCE)
+        rows = zip(
+            self._bodies, state.age_s.tolist(), state.pos_lab_m.tolist(), state.q_lab_from_flu.tolist(),
+            state.vel_lab_m_s.tolist(), state.yaw_rate_rad_s.tolist(), strict=True,
+        )  # fmt: skip
+        for body, age_s, pos_m, q, vel_lab_m_s, yaw_rate_rad_s in rows:
+            if isfinite(age_s):
+                q_flu_from_lab = (q[0], -q[1], -q[2], -q[3])
+                twist = (
+                    *rotate_one(q_flu_from_lab, vel_lab_m_s),
+                    *rotate_one(q_flu_from_lab, (0.0, 0.0, yaw_rate_rad_s)),
+                )
+                covered = (*_pose(pos_m, q), *_UNKNOWN_COVARIANCE, *twist, *_UNKNOWN_COVARIANCE)
                 yield f"{self._name[body]}/odom", (*stamp, LAB, body, *covered)
 
     def _targets(self, reference: Reference, unix_ns: int) -> Iterator[Shown]:
         stamp, transforms = _stamp(unix_ns), list[Values]()
-        q_lab_from_slot = from_yaw(reference.heading_rad + reference.slot_yaw_rad)
-        for body, pose in zip(self._commanded, _poses(reference_lab(reference), q_lab_from_slot), strict=True):
+        rows = zip(
+            self._commanded, reference.origin_lab_m.tolist(), self._heading_rad, reference.slot_lead_m.tolist(),
+            reference.slot_yaw_rad.tolist(), strict=True,
+        )  # fmt: skip
+        for body, origin_m, heading_rad, slot_lead_m, yaw_rad in rows:
+            slot_m = rotate_one(one_from_yaw(heading_rad), slot_lead_m)
+            pose = _pose([a + b for a, b in zip(origin_m, slot_m, strict=True)], one_from_yaw(heading_rad + yaw_rad))
             transforms.append((*stamp, LAB, slot_frame(body), *pose))
             yield f"{self._name[body]}/target", (*stamp, LAB, *pose)
         yield TF, (tuple(transforms),)
 
     def _errors(self, command: Command, unix_ns: int) -> Iterator[Shown]:
-        error_lab_m = rotate_about_z(self._heading_rad, command.e_lead_m)
-        for body, error in zip(self._commanded, error_lab_m.tolist(), strict=True):
-            yield f"{self._name[body]}/formation_error", (*_stamp(unix_ns), LAB, *error)
+        stamp = _stamp(unix_ns)
+        for body, heading_rad, error in zip(self._commanded, self._heading_rad, command.e_lead_m.tolist(), strict=True):
+            yield f"{self._name[body]}/formation_error", (*stamp, LAB, *rotate_one(one_from_yaw(heading_rad), error))
 
 
 def static_frames(unix_ns: int) -> Shown:
@@ -151,7 +160,6 @@ def _stamp(unix_ns: int) -> tuple[int, int]:
     return divmod(unix_ns, 1_000_000_000)
 
 
-def _poses(pos_m: Float, q: Float) -> list[list[float]]:
-    """geometry_msgs/Pose, and Transform, of positions (n, 3) and quaternions w x y z (n, 4)."""
-    poses: list[list[float]] = np.hstack((pos_m, q[:, [1, 2, 3, 0]])).tolist()
-    return poses
+def _pose(pos_m: Sequence[float], q: Sequence[float]) -> Values:
+    """geometry_msgs/Pose, and Transform, of a position and a quaternion w x y z."""
+    return *pos_m, q[1], q[2], q[3], q[0]

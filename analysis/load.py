@@ -235,11 +235,10 @@ def _flight(metadata: Mapping[str, str], begin_ns: int, found: Mapping[Topic, To
 
 def _columns(topic: Topic, found: TopicColumns, begin_ns: int) -> Columns:
     if not len(found.t_ns):
-        return Columns(np.zeros(0), np.zeros(0), {}, np.zeros(0, np.int64))
+        return Columns(np.zeros(0), {}, np.zeros(0, np.int64))
     times_ns = stamps_ns(topic, found)
     order = np.argsort(times_ns, kind="stable")
-    t_s, logged_s = (_seconds(each[order] - begin_ns) for each in (times_ns, found.t_ns))
-    return Columns(t_s, logged_s, found.fields, order)
+    return Columns(_seconds(times_ns[order] - begin_ns), found.fields, order)
 
 
 def _series(found: TopicColumns, begin_ns: int, kind: type[M]) -> Series[M]:
@@ -303,8 +302,8 @@ def _poses(found: TopicColumns, bodies: tuple[str, ...], begin_ns: int) -> Poses
     shape = (len(mocap), len(bodies))
     return Poses(
         mocap.t_s,
-        (mocap["t_receive_ns"] - begin_ns) * 1e-9,
-        mocap.logged_s,
+        _seconds(mocap["t_receive_ns"] - begin_ns),
+        _seconds(found.t_ns[mocap.order] - begin_ns),
         mocap["pos_lab_m"].reshape(*shape, 3),
         mocap["q_lab_from_flu"].reshape(*shape, 4),
         mocap["seen"].astype(np.bool_).reshape(shape),

@@ -33,13 +33,12 @@ class Series(Generic[M]):
 class Columns:
     """The many messages of one topic, ordered in time.
 
-    t_s (T,): the time each message speaks of (capture time where it has one, else when it was logged);
-    logged_s (T,): when it was logged; both in seconds since the first record of the log.
+    t_s (T,): the time each message speaks of (capture time where it has one, else when it was logged), in seconds
+    since the first record of the log.
     fields, order: the columns as they were logged, and the place there of each message.
     """
 
     t_s: Float
-    logged_s: Float
     fields: Mapping[str, Column]
     order: Index
 
@@ -58,7 +57,7 @@ class Columns:
 
     def where(self, mask: Bool) -> "Columns":
         """The messages whose flag in mask (T,) is set."""
-        return replace(self, t_s=self.t_s[mask], logged_s=self.logged_s[mask], order=self.order[mask])
+        return replace(self, t_s=self.t_s[mask], order=self.order[mask])
 
 
 def nearest(t_s: Float, wanted_s: Float) -> Index:

@@ -8,10 +8,10 @@ import csv
 import json
 import pickle
 import sys
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
-from functools import cache
+from functools import cache, cached_property
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from formation import topics
 from formation.maths.arrays import Layout
-from formation.topics import LINK_UP
+from formation.topics import LINK_UP, Topic
 from wire.columns import Column
 from wire.logs.mcap_read import LogColumns, TopicColumns, clock_of, holds_nothing, lab_of, read_columns
 from wire.logs.mcap_scan import LogError
@@ -36,55 +36,60 @@ _AXES = {3: ("_x", "_y", "_z"), 4: ("_w", "_x", "_y", "_z")}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogTables:
-    """What a log says of its run; its tables by topic, those that hold anything; unix_ns: when it began, since 1970.
+    """What a log says of its run; names: of the tables that it holds; unix_ns: when it began, since 1970.
 
-    In every table: `t_s`, seconds since the log's first record; `unix_ns`, the date of that, ns since 1970 UTC.
+    tables: those that were asked for, each made when it is reached, and once only. In every table: `t_s`, seconds since
+    the log's first record; `unix_ns`, the date of that, ns since 1970 UTC.
     """
 
     metadata: Mapping[str, str]
-    tables: Mapping[str, Table]
+    names: tuple[str, ...]
     unix_ns: int
+    tables: Iterator[tuple[str, Table]]
 
 
 def load(path: Path, wanted: Collection[str] | None = None) -> LogTables:
-    """Read a log, whole or damaged. wanted: the tables' names; None: all.
+    """Read a log, whole or damaged. wanted: the names of the tables; None: all.
 
-    Raises OSError, and LogError (a ValueError) if the file is no MCAP file or holds none of them.
+    Raises OSError, and LogError (a ValueError) if the file is no MCAP file, or holds no message of a flight.
     """
-    is_wanted = {topic: wanted is None or topic.name in wanted for topic in topics.ALL}
-    has_link = wanted is None or LINK in wanted
-    read = [topic for topic in topics.ALL if is_wanted[topic] or (topic is LINK_UP and has_link)]
+    asked = frozenset((*(topic.name for topic in topics.ALL), LINK) if wanted is None else wanted)
+    read = [topic for topic in topics.ALL if topic.name in asked or (topic is LINK_UP and LINK in asked)]
     log = read_columns(path, {topic: [field.name for field in fields(topic.type)] for topic in read})
-    if not log.topics:
-        raise holds_nothing(path, log.check.damage)
-    clock = clock_of(log.metadata)
-
-    def times(t_ns: NDArray[np.int64]) -> Table:
-        return {"t_s": (t_ns - log.begin_ns) * 1e-9, "unix_ns": t_ns + clock.ahead_ns}
-
-    lab = cache(lambda: lab_of(log.metadata))
-    tables = {
-        topic.name: _table(topic.type, found, times, lab) for topic, found in log.topics.items() if is_wanted[topic]
-    }
-    if has_link and LINK_UP in log.topics:
-        tables[LINK] = _link(log, times, lab())
-    return LogTables(log.metadata, tables, clock.unix_ns)
-
-
-def names_of(path: Path) -> LogTables:
-    """The same without a column in any table. Raises as `load`."""
-    log = read_columns(path, {})
     if not log.held:
-        raise holds_nothing(path)
-    names = [topic.name for topic in topics.ALL if topic in log.held] + [LINK] * (LINK_UP in log.held)
-    return LogTables(log.metadata, {name: {} for name in names}, clock_of(log.metadata).unix_ns)
+        raise holds_nothing(path, log.check.damage)
+    names = *(topic.name for topic in topics.ALL if topic in log.held), *([LINK] if LINK_UP in log.held else [])
+    return LogTables(log.metadata, names, clock_of(log.metadata).unix_ns, _tables(_Dated(log), dict(log.topics), asked))
 
 
-Times = Callable[[NDArray[np.int64]], Table]
-Lab = Callable[[], "LabConfig | None"]
+class _Dated:
+    """What the tables of a log have in common."""
+
+    def __init__(self, log: LogColumns) -> None:
+        self.metadata, self.begin_ns = log.metadata, log.begin_ns
+        self._ahead_ns = clock_of(log.metadata).ahead_ns
+
+    def times(self, t_ns: NDArray[np.int64]) -> Table:
+        """The columns of time, of messages logged then."""
+        return {"t_s": (t_ns - self.begin_ns) * 1e-9, "unix_ns": t_ns + self._ahead_ns}
+
+    @cached_property
+    def lab(self) -> "LabConfig | None":
+        """The lab that was flown; None where it is not known."""
+        return lab_of(self.metadata)
 
 
-def _table(kind: type, found: TopicColumns, times: Times, lab: Lab) -> Table:
+def _tables(run: _Dated, columns: dict[Topic, TopicColumns], asked: Collection[str]) -> Iterator[tuple[str, Table]]:
+    """The tables of these names; columns that have become a table are let go."""
+    for topic in list(columns):
+        found = columns.pop(topic)
+        if topic.name in asked:
+            yield topic.name, _table(topic.type, found, run)
+        if topic is LINK_UP and LINK in asked:
+            yield LINK, _link(found, run)
+
+
+def _table(kind: type, found: TopicColumns, run: _Dated) -> Table:
     """One topic's messages, all of one type."""
     hints = get_type_hints(kind, include_extras=True)
     layouts = {field.name: _layout(hints[field.name]) for field in fields(kind)}
@@ -94,9 +99,9 @@ def _table(kind: type, found: TopicColumns, times: Times, lab: Lab) -> Table:
     def repeated(values: NDArray[Any]) -> NDArray[Any]:
         return values if counts is None else np.repeat(values, counts, axis=0)
 
-    columns = dict(times(repeated(found.t_ns)))
+    columns = dict(run.times(repeated(found.t_ns)))
     if counts is not None:
-        columns["body"] = _bodies(found, counts.tolist(), lab)
+        columns["body"] = _bodies(found, counts.tolist(), run)
     for name, layout in layouts.items():
         if layout is not None:
             columns |= _split(name, rowed[name][0] if name in rowed else repeated(found.fields[name].values))
@@ -110,12 +115,12 @@ def _layout(hint: Any) -> Layout | None:
     return next((note for note in get_args(hint)[1:] if isinstance(note, Layout)), None)
 
 
-def _bodies(found: TopicColumns, counts: Sequence[int], lab: Lab) -> NDArray[Any]:
+def _bodies(found: TopicColumns, counts: Sequence[int], run: _Dated) -> NDArray[Any]:
     """Whom the rows are about: the messages' own bodies, or all vehicles, or the commanded ones."""
     if "bodies" in found.fields:
         named = found.fields["bodies"].values.tolist()
     else:
-        of_count = {count: _vehicles(lab(), count) for count in set(counts)}
+        of_count = {count: _vehicles(run.lab, count) for count in set(counts)}
         named = [of_count[count] for count in counts]
     numbers = cache(lambda count: [str(i) for i in range(count)])
     names = (each if len(each) == count else numbers(count) for each, count in zip(named, counts, strict=True))
@@ -151,34 +156,34 @@ def _split(name: str, rows: NDArray[Any]) -> dict[str, NDArray[Any]]:
     return {name + ending: flat[:, k] for k, ending in enumerate(endings)}
 
 
-def _link(log: LogColumns, times: Times, lab: "LabConfig | None") -> Table:
-    """One row for each drone and tenth of a second: its last battery, link and mode."""
+def _link(found: TopicColumns, run: _Dated) -> Table:
+    """One row for each drone and tenth of a second: its last battery, link and mode. found: what drones sent."""
     from analysis.links import histories
     from analysis.load import traffic
 
-    body_of = {} if lab is None else {vehicle.sysid: vehicle.body for vehicle in lab.vehicles}
+    body_of = {} if run.lab is None else {vehicle.sysid: vehicle.body for vehicle in run.lab.vehicles}
     parts = []
-    for sysid, history in histories(traffic(LINK_UP, log.topics[LINK_UP], log.begin_ns)).items():
+    for sysid, history in histories(traffic(LINK_UP, found, run.begin_ns)).items():
         rest = dict(history)
-        t_ns = np.asarray(rest.pop("t_ns"), np.int64) + log.begin_ns
+        t_ns = np.asarray(rest.pop("t_ns"), np.int64) + run.begin_ns
         body = np.full(len(t_ns), body_of.get(sysid, str(sysid)), dtype=object)
-        parts.append({**times(t_ns), "body": body} | rest)
+        parts.append({**run.times(t_ns), "body": body} | rest)
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def main() -> None:
-    """For `gcs_log.load`, which runs in other people's processes: the log of argv as a pickle on standard output.
+    """For `gcs_log.load`, which runs in other people's processes: the log of argv as pickles on standard output.
 
-    Behind the log's path the names of the tables that are wanted; without any, there are names alone. Exit code 1 and
-    one line on standard error where it cannot be read.
+    The first is of its metadata, its tables' names and its date; then one of each table whose name is behind the log's
+    path. Exit code 1 and one line on standard error where it cannot be read.
     """
     path, *wanted = sys.argv[1:]
     try:
-        loaded = load(Path(path), wanted) if wanted else names_of(Path(path))
+        log = load(Path(path), wanted)
     except (OSError, LogError) as error:
         sys.exit(f"{error}")
-    content = dict(loaded.metadata), {name: dict(table) for name, table in loaded.tables.items()}, loaded.unix_ns
-    pickle.dump(content, sys.stdout.buffer, protocol=5)
+    for content in chain([(dict(log.metadata), log.names, log.unix_ns)], log.tables):
+        pickle.dump(content, sys.stdout.buffer, protocol=5)
 
 
 if __name__ == "__main__":
@@ -191,7 +196,7 @@ WITHOUT_PYARROW = "--parquet needs pyarrow: pip install 'mavlink-formation[parqu
 def to_csv(log: LogTables, folder: Path) -> list[Path]:
     """One TOPIC.csv a table, and metadata.json; numbers with every digit they have, bytes in hexadecimal. OSError."""
     written = [_metadata(log, folder)]
-    for topic, table in log.tables.items():
+    for topic, table in log.tables:
         path = folder / f"{_name(topic)}.csv"
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
@@ -209,7 +214,7 @@ def to_parquet(log: LogTables, folder: Path) -> list[Path]:
     except ImportError as error:
         raise LogError(WITHOUT_PYARROW) from error
     written = [_metadata(log, folder)]
-    for topic, table in log.tables.items():
+    for topic, table in log.tables:
         path = folder / f"{_name(topic)}.parquet"
         pq.write_table(pa.table(_arrays(table)), path)
         written.append(path)

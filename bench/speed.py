@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,13 +24,17 @@ from bench.against import ROOT, AgainstError, checkout
 from bench.command import FAILED, Json
 from sim.lockstep import run_to_file
 from sim.scenario import Scenario, load
-from wire import clock
 
 SCENARIO, LANDING_S = "triangle_circle", 60.0
 LOG = "flight.mcap"
 TURNS = 3
 """Of which the best counts: what other programs cost is never negative."""
-_READ = "import gcs_log, sys; log = gcs_log.load(sys.argv[1]); [len(table) for table in log.values()]"
+_LOADED = """
+import sys
+from gcs_log import flight_log
+flight_log.READER = (sys.executable, "-P", "-m", "analysis.tables")  # of this commit, whatever is installed
+log = flight_log.load("flight.mcap")
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,15 +46,21 @@ class Row:
     bound: str
 
 
-def _log(command: str, *options: str) -> tuple[str, ...]:
-    return ("-m", "sim.cli.log", command, LOG, *options)
+def gcs_log(command: str, bound: str, *options: str) -> Row:
+    """A command of `gcs-log`, on LOG."""
+    return Row(command, ("-m", "sim.cli.log", command, LOG, *options), bound)
 
 
 ROWS = (
-    Row("load", ("-c", _READ, LOG), ""),
-    Row("check", _log("check"), ""),
-    Row("report", _log("report", "--out", "report.html"), ""),
-    Row("replay", _log("replay"), ""),
+    Row("load", ("-c", _LOADED), "two processes start, with numpy; chunks are unpacked, messages found"),
+    Row(
+        "tables",
+        ("-c", f"{_LOADED}[len(table) for table in log.values()]"),
+        "the same twice; single precision as double",
+    ),
+    gcs_log("check", "Python's start, a third; then as load, and each message's tags are compared"),
+    gcs_log("report", "matplotlib's pictures, three quarters", "--out", "report.html"),
+    gcs_log("replay", "the ground's core, two thirds"),
 )
 """Add a row here; its command may read the folder's files, and write beside them."""
 
@@ -64,25 +74,26 @@ class Cost:
     peak_mb: float
 
 
+_MEASURED = """
+import json, resource, subprocess, sys, time
+begun_s = time.monotonic()
+code = subprocess.call([sys.executable, "-P", *sys.argv[1:]], stdout=subprocess.DEVNULL)
+wall_s, usage = time.monotonic() - begun_s, resource.getrusage(resource.RUSAGE_CHILDREN)
+print(json.dumps([code, usage.ru_utime + usage.ru_stime, wall_s, usage.ru_maxrss / 1024.0]))
+"""
+"""By a small process of its own: the memory of a large one that starts another counts as the other's, too."""
+
+
 def cost(tree: Path, arguments: Sequence[str], folder: Path) -> Cost:
     """Run a command of the commit whose files are in `tree`; AgainstError where it fails."""
     environment = os.environ | {"PYTHONPATH": str(tree)}
-    begun_ns = clock.monotonic_ns()
-    with subprocess.Popen(
-        [sys.executable, "-P", *arguments],
-        cwd=folder,
-        env=environment,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-    ) as process:
-        assert process.stderr is not None
-        words = process.stderr.read().decode(errors="replace").strip().splitlines()
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise AgainstError(f"{' '.join(arguments)}: {words[-1] if words else f'exit code {process.returncode}'}")
-    wall_s = (clock.monotonic_ns() - begun_ns) * 1e-9
-    return Cost(usage.ru_utime + usage.ru_stime, wall_s, usage.ru_maxrss / 1024.0)
+    command = [sys.executable, "-P", "-c", _MEASURED, *arguments]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=True)
+    code, cpu_s, wall_s, peak_mb = json.loads(done.stdout)
+    if code:
+        words = done.stderr.strip().splitlines()[-1:] or [f"exit code {code}"]
+        raise AgainstError(f"{' '.join(arguments)}: {words[0]}")
+    return Cost(cpu_s, wall_s, peak_mb)
 
 
 def least(costs: Sequence[Cost]) -> Cost:
@@ -92,7 +103,7 @@ def least(costs: Sequence[Cost]) -> Cost:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One row; there: at the other commit, if any was asked for."""
+    """One row; there: at the other commit, None where none was asked for or it fails there."""
 
     row: Row
     here: Cost
@@ -104,11 +115,14 @@ class Measured:
         return None if self.there is None else self.here.cpu_s / self.there.cpu_s
 
 
-def measure(row: Row, trees: Sequence[Path], folder: Path) -> Measured:
-    """In turn in each of the trees, this commit's first."""
-    turns = [[cost(tree, row.arguments, folder) for tree in trees] for _ in range(TURNS)]
-    here, *there = (least(costs) for costs in zip(*turns, strict=True))
-    return Measured(row, here, there[0] if there else None)
+def measure(row: Row, other: Path | None, folder: Path) -> Measured:
+    """In turn here and in the other commit's files; AgainstError where it fails here."""
+    here, there = list[Cost](), list[Cost]()
+    for _ in range(TURNS):
+        here.append(cost(ROOT, row.arguments, folder))
+        with suppress(AgainstError):  # it may not have the command, or replay what is recorded otherwise
+            there += [] if other is None else [cost(other, row.arguments, folder)]
+    return Measured(row, least(here), least(there) if there else None)
 
 
 def flight(seconds: float) -> Scenario:
@@ -160,14 +174,14 @@ def main(
     try:
         with ExitStack() as stack:
             folder = Path(stack.enter_context(TemporaryDirectory()))
-            trees = [ROOT] if revision is None else [ROOT, stack.enter_context(checkout(revision))]
+            other = None if revision is None else stack.enter_context(checkout(revision))
             status = stack.enter_context(console.status("the flight"))
             scenario = flight(seconds)
             run_to_file(scenario, scenario.seed, folder / LOG)
             found = []
             for row in chosen:
                 status.update(row.name)
-                found.append(measure(row, trees, folder))
+                found.append(measure(row, other, folder))
     except AgainstError as error:
         typer.echo(f"bench.speed: {error}", err=True)
         raise typer.Exit(FAILED) from error

@@ -4,6 +4,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import ItemsView, Iterator, Mapping, ValuesView
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
@@ -92,7 +93,10 @@ class _Tables(Mapping[str, Table]):
     def __getitem__(self, name: str) -> Table:
         if name not in self._names:
             raise KeyError(name)
-        return self._load((name,))[name]
+        table = self._load((name,)).get(name)
+        if table is None:
+            raise LogError(f"{self._path}: no message of {name} can be read")
+        return table
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
@@ -112,7 +116,7 @@ class _Tables(Mapping[str, Table]):
         """All that were read, these among them."""
         missing = [name for name in names if name not in self._read]
         if missing:
-            self._read |= _content(self._path, *missing)[1]
+            self._read |= dict(_contents(self._path, *missing)[1:])
         return self._read
 
 
@@ -120,17 +124,23 @@ def load(path: str | Path) -> FlightLog:
     """Read a log, whole or damaged. Raises OSError, and LogError (a ValueError) if the file is no MCAP file."""
     path = Path(path).absolute()
     path.open("rb").close()
-    metadata, names, unix_ns = _content(path)
-    return FlightLog(metadata, _Tables(path, tuple(names)), unix_ns)
+    [(metadata, names, unix_ns)] = _contents(path)
+    return FlightLog(metadata, _Tables(path, names), unix_ns)
 
 
-def _content(path: Path, *names: str) -> tuple[dict[str, str], dict[str, Table], int]:
-    """A log's metadata, the tables that are named, and when it began; LogError. Without names all tables are empty."""
+def _contents(path: Path, *names: str) -> list[Any]:
+    """A log's metadata, the names of its tables and its date; then each of the tables that are named, with its name.
+
+    LogError.
+    """
+    contents = list[Any]()
     with subprocess.Popen([*READER, str(path), *names], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as reader:
         assert reader.stdout is not None
         assert reader.stderr is not None
-        try:
-            content: tuple[dict[str, str], dict[str, Table], int] = pickle.load(reader.stdout)
-        except (EOFError, pickle.UnpicklingError):
-            raise LogError(reader.stderr.read().decode(errors="replace").strip().rpartition("\n")[2]) from None
-    return content
+        with suppress(EOFError, pickle.UnpicklingError):
+            while True:
+                contents.append(pickle.load(reader.stdout))
+        words = reader.stderr.read().decode(errors="replace")
+    if reader.returncode != 0:
+        raise LogError(words.strip().rpartition("\n")[2])
+    return contents

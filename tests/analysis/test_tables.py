@@ -18,6 +18,7 @@ from analysis.cli import app
 from formation import topics
 from formation.clock_pair import ClockPair
 from formation.messages import Datagram
+from gcs_log import flight_log
 from tests.analysis.synthetic_flight import METADATA, T0_NS, Recipe, records
 from wire.link_messages import Address, Battery
 from wire.logs.mcap_write import LogWriter
@@ -115,6 +116,36 @@ def test_what_cannot_be_exported_says_what_to_do(path: Path, monkeypatch: pytest
         result = CliRunner().invoke(app, ["export", str(path), *flags])
         assert result.exit_code == 2
         assert words in result.output
+
+
+def test_a_table_is_read_when_it_is_looked_at_and_all_at_once(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read, asked = flight_log._contents, list[tuple[str, ...]]()
+
+    def contents(path: Path, *names: str) -> list[Any]:
+        asked.append(names)
+        return read(path, *names)
+
+    monkeypatch.setattr(flight_log, "_contents", contents)
+    log = gcs_log.load(path)
+    assert "control/state" in log
+    assert len(log["control/state"]["t_s"]) == len(log["control/state"]["body"]) == 3000
+    assert asked == [(), ("control/state",)]
+    for _ in range(2):
+        assert all(len(table["t_s"]) for table in log.values())
+        assert {topic for topic, _ in log.items()} == set(log)
+    assert (len(asked), set(asked[2])) == (3, set(log) - {"control/state"})
+    with pytest.raises(KeyError, match="control/none"):
+        log["control/none"]
+
+
+def test_what_is_no_log_is_the_one_error_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "no.mcap").write_text("this is no log")
+    LogWriter(tmp_path / "empty.mcap", METADATA, threaded=False).close()
+    for name, words in (("no.mcap", "not an MCAP file"), ("empty.mcap", "no message of a flight in it")):
+        with pytest.raises(gcs_log.LogError, match=rf"^.*{name}: {words}$"):
+            gcs_log.load(tmp_path / name)
+    with pytest.raises(FileNotFoundError):
+        gcs_log.load(tmp_path / "absent.mcap")
 
 
 def test_battery_is_a_table_of_its_own(path: Path) -> None:

@@ -13,7 +13,9 @@ BUSY = "import time\nwhile time.process_time() < 0.3: pass"
 
 def test_the_cost_of_a_command_holds_what_it_starts(tmp_path: Path) -> None:
     started = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {BUSY!r}])"
-    assert 0.3 < cost(ROOT, ("-c", started), tmp_path).cpu_s < 3.0
+    found = cost(ROOT, ("-c", started), tmp_path)
+    assert 0.3 < found.cpu_s < 3.0
+    assert found.peak_mb < 60.0
 
 
 def test_a_command_that_fails_is_named_with_its_last_words(tmp_path: Path) -> None:
@@ -27,9 +29,9 @@ def test_a_ratio_is_of_cpu_time_here_over_there() -> None:
     found = [Measured(ROWS[0], here, Cost(8.0, 8.0, 100.0)), Measured(ROWS[1], here, None)]
     told = json.loads(to_json(found, 60.0, "abc"))["rows"]
     assert told["load"]["ratio"] == 0.25
-    assert (told["check"]["there"], told["check"]["ratio"]) == (None, None)
+    assert (told["tables"]["there"], told["tables"]["ratio"]) == (None, None)
     columns = [list(column.cells) for column in table(found, "abc").columns]
-    assert [columns[k] for k in (0, 1, 5)] == [["load", "check"], ["2.00", "2.00"], ["0.25", ""]]
+    assert [columns[k] for k in (0, 1, 5)] == [["load", "tables"], ["2.00", "2.00"], ["0.25", ""]]
 
 
 def test_the_flight_lasts_as_long_as_is_asked() -> None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # what looks at arrays alone waits for no configuration
 M = TypeVar("M")
 START_MONOTONIC, START_UNIX = "start_monotonic_ns", "start_unix_ns"
 """Where a run's metadata say which date its stamps begin at; a log before version 0.2 says nothing of it."""
-BLOCK = 1 << 22
+BLOCK = 1 << 23
 """Bytes of messages that are looked at together."""
 _TOPICS = {topic.name: topic for topic in topics.ALL}
 _RECORD = struct.Struct("<xQ")

@@ -26,7 +26,7 @@ from wire.mavlink.messages import READERS, SET_ATTITUDE_TARGET
 
 _TABLE = np.dtype(
     [
-        ("datagram", "i8"), ("start", "i8"), ("stop", "i8"), ("payload", "i8"), ("size", "i8"), ("number", "u4"),
+        ("datagram", "u4"), ("number", "u4"), ("start", "i8"), ("length", "u2"), ("head", "u1"), ("size", "u1"),
         ("system", "u1"), ("component", "u1"), ("seq", "u1"),
     ]
 )  # fmt: skip
@@ -49,8 +49,8 @@ _CRC = (_BYTE << 8 ^ _BYTE << 3 ^ _BYTE >> 4).astype(np.uint16)
 class Frames:
     """Frames (F,) in the order of their datagrams.
 
-    table: of each frame `datagram`, which one holds it; `start` and `stop`, where in `data` it is, and `payload` and
-    `size`, where its payload is; `number`, its message's id; `system`, `component` and `seq`, its sender and number.
+    table: of each frame `datagram`, which one holds it; `start`, where in `data` it is, and its `length`, of which
+    `head` come before the `size` of its payload; `number`, its message's id; `system`, `component` and `seq`.
     """
 
     data: bytes
@@ -72,7 +72,8 @@ class Frames:
 
     def each(self) -> Iterator[bytes]:
         """One by one."""
-        data, bounds = self.data, zip(self["start"].tolist(), self["stop"].tolist(), strict=True)
+        data, starts = self.data, self["start"]
+        bounds = zip(starts.tolist(), (starts + self["length"]).tolist(), strict=True)
         return (data[start:stop] for start, stop in bounds)
 
     def fields(self, layout: Layout) -> list[NDArray[Any]]:
@@ -80,7 +81,7 @@ class Frames:
         codes = [each for code in field_codes(layout.payload.format) for each in _single(code)]
         dtype = np.dtype([(str(k), f"<{code}") for k, code in enumerate(codes)])
         rows = np.zeros((len(self), dtype.itemsize), np.uint8)
-        data, starts, sizes = np.frombuffer(self.data, np.uint8), self["payload"], self["size"]
+        data, starts, sizes = np.frombuffer(self.data, np.uint8), self["start"] + self["head"], self["size"]
         for size in np.unique(sizes[sizes > 0]).tolist():
             at, width = np.flatnonzero(sizes == size), min(size, dtype.itemsize)
             rows[at, :width] = windows(data, width)[starts[at]].view(np.uint8).reshape(-1, width)
@@ -112,15 +113,15 @@ def frames_in(data: Bytes, lengths: Index) -> Frames:
         is_regular[left[~is_sound]] = False
         parts.append(part)
         left = left[is_sound]
-        at[left] = part["stop"]
+        at[left] += part["length"]
         left = left[at[left] < stops[left]]
     frames, rows, start = [whole], list[tuple[int, ...]](), len(whole)
     for k in np.flatnonzero(~is_regular).tolist():
         for frame in FrameCutter().cut(whole[stops[k] - lengths[k] : stops[k]]):
-            stop, size = start + len(frame.data), len(frame.payload)
-            rows.append((k, start, stop, start + frame.head, size, frame.number, *frame.source, frame.seq))
+            length, size = len(frame.data), len(frame.payload)
+            rows.append((k, frame.number, start, length, frame.head, size, *frame.source, frame.seq))
             frames.append(frame.data)
-            start = stop
+            start += length
     table = np.concatenate([*(part[is_regular[part["datagram"]]] for part in parts), np.array(rows, _TABLE)])
     return Frames(b"".join(frames), table[np.argsort(table["datagram"], kind="stable")])
 
@@ -129,12 +130,17 @@ def _next_frames(data: Bytes, datagrams: Index, at: Index, stops: Index) -> tupl
     """Of each datagram whether a sound frame of MAVLink 2 starts at `at`; and those frames."""
     index = np.flatnonzero(stops - at >= _LEAST)
     heads = windows(data, _HEAD.itemsize)[at[index]].view(_HEAD)
-    ends = at[index] + _LEAST + heads["size"] + SIGNATURE_BYTES * (heads["flags"] == SIGNED)
-    whole = (heads["magic"] == MAGIC_2) & (heads["flags"] <= SIGNED) & (ends <= stops[index])
+    lengths = _LEAST + heads["size"].astype(np.int64) + SIGNATURE_BYTES * (heads["flags"] == SIGNED)
+    whole = (heads["magic"] == MAGIC_2) & (heads["flags"] <= SIGNED) & (at[index] + lengths <= stops[index])
     index, heads = index[whole], heads[whole]
     table = np.empty(len(index), _TABLE)
-    table["datagram"], table["start"], table["stop"] = datagrams[index], at[index], ends[whole]
-    table["payload"], table["number"] = at[index] + _HEAD.itemsize, heads["low"] | heads["high"].astype(np.int64) << 16
+    table["datagram"], table["start"], table["length"], table["head"] = (
+        datagrams[index],
+        at[index],
+        lengths[whole],
+        _HEAD.itemsize,
+    )
+    table["number"] = heads["low"] | heads["high"].astype(np.int64) << 16
     for name in ("size", "system", "component", "seq"):
         table[name] = heads[name]
     is_sealed = _are_sealed(data, table)

@@ -117,7 +117,7 @@ def test_frames_are_those_that_the_cutter_finds_whatever_is_sent(datagrams, data
     assert list(found.each()) == [frame.data for _, frame in wanted]
     assert found["datagram"].tolist() == [k for k, _ in wanted]
     assert found["number"].tolist() == [frame.number for _, frame in wanted]
-    payloads = zip(found["payload"].tolist(), found["size"].tolist(), strict=True)
+    payloads = zip((found["start"] + found["head"]).tolist(), found["size"].tolist(), strict=True)
     assert [found.data[start : start + size] for start, size in payloads] == [frame.payload for _, frame in wanted]
     senders = zip(found["system"].tolist(), found["component"].tolist(), found["seq"].tolist(), strict=True)
     assert list(senders) == [(*frame.source, frame.seq) for _, frame in wanted]

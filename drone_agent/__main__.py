@@ -105,7 +105,6 @@ class Options:
     ] = None
     stale_land: Annotated[float | None, typer.Option(help="Land this long after levelling, s.")] = None
     param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, as often as needed.")] = None
-    parameter_file: Annotated[Path | None, typer.Option(help="Keep PARAM_SET's values here.")] = None
     speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
     stages: Annotated[bool, typer.Option("--stages", help="Print the table of stages, and do nothing else.")] = False
     as_json: Annotated[bool, typer.Option("--json", help="Events and errors as lines of JSON, on standard output.")] = (
@@ -214,10 +213,8 @@ def _of_lab(file: Path, body: str | None) -> dict[str, Any]:
 def _check_together(agents: "list[SimulatedDroneConfig]") -> None:
     """ConfigError where one process cannot be all of them: they share its bus, and nothing else."""
     numbers = [agent.sysid for agent in agents]
-    files = [agent.parameter_file for agent in agents if agent.parameter_file is not None]
     for wrong, text in (
         (len(set(numbers)) < len(numbers), "sysid: each drone needs its own"),
-        (len(set(files)) < len(files), "parameter_file: each drone needs its own"),
         (any(agent.keys is not None for agent in agents), "keys: a drone with keys is a process of its own"),
         (len({agent.lab for agent in agents}) > 1, "lab: the drones of one process are in one lab"),
     ):
@@ -246,7 +243,6 @@ def _laid_over(options: Options) -> dict[str, Any]:
         "insecure": options.insecure,
         "stale_setpoint_s": options.stale_setpoint,
         "stale_land_s": options.stale_land,
-        "parameter_file": options.parameter_file,
         "link": {key: value for key, value in links.items() if value is not None},
         "parameters": {name: _number(word) for name, _, word in (item.partition("=") for item in options.param or ())},
     }

@@ -1,6 +1,5 @@
 """The configuration of one simulated drone: its guard's, the autopilot behind it, and what it really flies."""
 
-from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import AliasChoices, Field, model_validator
@@ -31,8 +30,6 @@ class SimulatedDroneConfig(GuardConfig):
     inertial_error: InertialError = InertialError()
     """The errors of its inertial sensors: by them it knows its attitude, and where it is without a pose."""
     parameters: dict[str, float] = Field(default_factory=dict)
-    parameter_file: Path | None = None
-    """Where PARAM_SET keeps its values; not given: they die with the process."""
     rates_hz: dict[int, NonNegative] = Field(default_factory=dict)
     """Telemetry by MAVLink message id, where it shall differ from the autopilot's; 0 is off."""
     truth_rate_hz: NonNegative = 0.0

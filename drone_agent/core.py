@@ -36,13 +36,11 @@ _BURST_NS = 1_000_000_000  # of telemetry: what a socket's buffer of the default
 
 
 class AgentOutgoing(NamedTuple):
-    """The output of one tick: packets for the ground, the true state if it is due, events, parameters to keep."""
+    """The output of one tick: packets for the ground, the true state if it is due, events."""
 
     datagrams: tuple[Datagram, ...]
     truth: Truth | None
     events: tuple[Event, ...]
-    parameters: dict[str, float] | None
-    """All parameters that differ from their defaults, where one has changed since the last tick."""
 
 
 class AgentCore:
@@ -79,7 +77,6 @@ class AgentCore:
         self._control_ns = t0_ns
         self._truth_ns = t0_ns
         self._truth_period_ns = round(1e9 / config.truth_rate_hz) if config.truth_rate_hz > 0.0 else 0
-        self._saved_version = self.parameters.version
         for severity, text in model.texts.boot:
             self.autopilot.report(severity, text)
 
@@ -113,7 +110,7 @@ class AgentCore:
         datagrams = tuple([Datagram(sysid, data) for data in packets])
         events = tuple(self._events)
         self._outbox, self._events = [], []
-        return AgentOutgoing(datagrams, truth, events, self._changed_parameters())
+        return AgentOutgoing(datagrams, truth, events)
 
     def next_deadline_ns(self) -> int:
         """When `tick` is due if nothing arrives."""
@@ -230,12 +227,6 @@ class AgentCore:
             self._send(StatusText(note.severity, note.text))
             self._events.append(Event(note.severity, f"uav{self.config.sysid}", note.text))
         self.autopilot.notes.clear()
-
-    def _changed_parameters(self) -> dict[str, float] | None:
-        if self.parameters.version == self._saved_version:
-            return None
-        self._saved_version = self.parameters.version
-        return self.parameters.changed()
 
     def _send(self, message: LinkMessage) -> None:
         """Send a message; one that MAVLink cannot encode is left out, counted and reported, and the drone flies on."""

@@ -4,7 +4,6 @@ import asyncio
 import sys
 from collections.abc import Sequence
 
-from drone_agent.autopilots.parameters import read_parameters, write_parameters
 from drone_agent.config import SimulatedDroneConfig
 from drone_agent.core import AgentCore
 from drone_agent.guard.core import warm_up
@@ -69,8 +68,6 @@ class _Pump:
             self._flying = not out.truth.on_ground
         for event in (*out.events, *self._rejections.due(now_ns)):
             self._report(event)
-        if out.parameters is not None and self.config.parameter_file is not None:
-            write_parameters(self.config.parameter_file, out.parameters)
         self.timer.at(self._core.next_deadline_ns())
 
     def _punctual_ns(self) -> int:
@@ -139,8 +136,6 @@ def _awaited_pose(pump: _Pump) -> Precondition:
 
 def _core(config: SimulatedDroneConfig, clock: Clock) -> Drone:
     """ConfigError for parameters that are none."""
-    stored = {} if config.parameter_file is None else read_parameters(config.parameter_file)
-    config = config.model_copy(update={"parameters": {**config.parameters, **stored}})
     try:
         return (GuardedDrone if config.is_guarded else AgentCore)(config, clock.monotonic_ns())
     except ValueError as error:

@@ -19,7 +19,6 @@ class DroneOutgoing(NamedTuple):
     datagrams: tuple[Datagram, ...]
     truth: Truth | None
     events: tuple[Event, ...]
-    parameters: dict[str, float] | None
     innovations: tuple[Innovation, ...]
     faults: tuple[Fault, ...]
     to_autopilot: tuple[Datagram, ...]
@@ -59,7 +58,6 @@ class GuardedDrone:
         to_autopilot: list[Datagram] = []
         unread: list[bytes] = []
         truth: Truth | None = None
-        parameters: dict[str, float] | None = None
         busy = True
         while busy:
             due_ns = self.autopilot.next_deadline_ns()
@@ -67,7 +65,6 @@ class GuardedDrone:
             if busy:
                 own = self.autopilot.tick(now_ns)
                 truth = own.truth or truth
-                parameters = parameters if own.parameters is None else own.parameters
                 events += own.events
                 for datagram in own.datagrams:
                     self.receive(datagram.data, now_ns)
@@ -88,7 +85,7 @@ class GuardedDrone:
                     to_autopilot += out.to_autopilot
         self.due_ns = due_ns
         return DroneOutgoing(
-            tuple(datagrams), truth, tuple(events), parameters,
+            tuple(datagrams), truth, tuple(events),
             tuple(innovations), tuple(faults), tuple(to_autopilot), tuple(unread),
         )  # fmt: skip
 

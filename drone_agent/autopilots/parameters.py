@@ -3,14 +3,10 @@
 PX4 carries an integer's own bytes in the float field, ArduPilot casts it; the kind of autopilot says which.
 """
 
-import os
 from collections.abc import Mapping
 from math import isfinite
-from pathlib import Path
 
-from wire.autopilots.table import AutopilotTable, ParamSpec
-from wire.config_file import ConfigError
-from wire.files import private, read_text
+from wire.autopilots.table import AutopilotTable
 from wire.link_messages import MavAutopilot, ParamType, ParamValue
 from wire.mavlink.codec import param_from_raw, param_to_raw
 from wire.mavlink.framing import MavlinkError
@@ -79,50 +75,3 @@ class Parameters:
         spec = self._specs[index]
         raw = param_to_raw(self._values[index], spec.type, self._autopilot)
         return ParamValue(spec.name, raw, spec.type, len(self._specs), index)
-
-    def changed(self) -> dict[str, float]:
-        """The values that differ from the defaults: a parameter file keeps them."""
-        pairs = zip(self._specs, self._values, strict=True)
-        return {spec.name: value for spec, value in pairs if value != float32(spec)}
-
-
-def float32(spec: ParamSpec) -> float:
-    """The default as the wire holds it."""
-    raw = param_to_raw(spec.default, spec.type, MavAutopilot.PX4)
-    return param_from_raw(raw, spec.type, MavAutopilot.PX4)
-
-
-def read_parameters(path: Path) -> dict[str, float]:
-    """The values in the file, none if it is not there yet; ConfigError names the line that is wrong.
-
-    A folder that is not there is an error now, not when the first value is to be kept.
-    """
-    if not path.parent.is_dir():
-        raise ConfigError([f"{path}: no such folder"])
-    try:
-        lines = read_text(path).splitlines()
-    except FileNotFoundError:
-        return {}
-    except (OSError, ValueError) as error:
-        raise ConfigError([f"{path}: {error}"]) from error
-    values: dict[str, float] = {}
-    for number, line in enumerate(lines, start=1):
-        words = line.partition("#")[0].replace(",", " ").split()
-        if not words:
-            continue
-        try:
-            name, value = words
-            values[name] = float(value)
-        except ValueError as error:
-            raise ConfigError([f"{path}:{number}: not a `NAME VALUE` line: {line!r}"]) from error
-    return values
-
-
-def write_parameters(path: Path, values: Mapping[str, float]) -> None:
-    """Replace the file at once, so that a kill leaves the old or the new one whole. OSError."""
-    draft = path.with_name(f"{path.name}.new")
-    with open(draft, "w", encoding="utf-8", opener=private) as file:
-        file.writelines(f"{name} {value:.9g}\n" for name, value in sorted(values.items()))
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)

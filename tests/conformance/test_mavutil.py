@@ -134,21 +134,6 @@ def stream_until(script: Script, thrust: float, pitch_rad: float, wanted: Callab
     script.first("LOCAL_POSITION_NED", answer)
 
 
-def test_keeps_parameters_in_a_file(tmp_path: Path) -> None:
-    options = ("--link", "udp", "--parameter-file", str(tmp_path / "uav3.parm"))
-    with agent(tmp_path, *options, sysid=3) as running:
-        script = Script(running)
-        script.link.mav.param_set_send(3, 1, b"COM_OF_LOSS_T", 0.75, mavlink.MAV_PARAM_TYPE_REAL32)
-        assert script.first("PARAM_VALUE").param_value == 0.75
-        script.link.close()
-    assert "COM_OF_LOSS_T 0.75" in (tmp_path / "uav3.parm").read_text().splitlines()
-    with agent(tmp_path, *options, sysid=3) as running:
-        script = Script(running)
-        script.link.param_fetch_one("COM_OF_LOSS_T")
-        assert script.first("PARAM_VALUE").param_value == 0.75
-        script.link.close()
-
-
 @both
 def test_hears_only_its_own_number_and_says_no_in_the_words_of_its_make(script: Script) -> None:
     script.be_ready()

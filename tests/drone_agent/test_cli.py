@@ -39,7 +39,6 @@ def ordinary_priority(monkeypatch: pytest.MonkeyPatch) -> None:
         (["--bridge", "serial:/dev/ttyUSB0"], "is not serial:DEV:BAUD"),
         (["--zenoh-connect", "there"], "link.zenoh_connect[0]: not an endpoint such as tcp/127.0.0.1:7447"),
         (["--config", "/nowhere/uav.toml"], "/nowhere/uav.toml: No such file"),
-        (["--parameter-file", "/nowhere/uav.parm"], "/nowhere/uav.parm: no such folder"),
     ],
 )
 def test_what_is_not_right_is_named_in_one_line(options: list[str], words: str) -> None:
@@ -73,7 +72,6 @@ def test_a_key_of_the_file_is_named(tmp_path: Path) -> None:
     ("second", "options", "words"),
     [
         ("sysid = 1", [], "sysid: each drone needs its own"),
-        ("sysid = 2", ["--parameter-file", "both.parm"], "parameter_file: each drone needs its own"),
         ("sysid = 2\nbridge = 'udp:127.0.0.1:14540'", [], "bridge: a bridge is a process of its own"),
         ("sysid = 2", ["--keys", "keys"], "keys: a drone with keys is a process of its own"),
         ("sysid = 2\nlab = 'other'", [], "lab: the drones of one process are in one lab"),

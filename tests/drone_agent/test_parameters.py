@@ -1,15 +1,11 @@
-"""Parameters: types, encodings, lists, unknown names, and the file that keeps them."""
+"""Parameters: types, encodings, lists, unknown names."""
 
 import struct
-from pathlib import Path
 
 import pytest
 
 from drone_agent.autopilots import MODELS
-from drone_agent.autopilots.parameters import read_parameters, write_parameters
-from formation.messages import Datagram
 from tests.drone_agent.agent_harness import Harness
-from wire.config_file import ConfigError
 from wire.link_messages import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
 
 
@@ -55,36 +51,6 @@ def test_indoor_drones_are_set_up_for_the_external_pose() -> None:
     assert read(harness, "EKF2_GPS_CTRL").raw == struct.pack("<i", 0)
     harness = Harness(pose="mocap", autopilot="ardupilot")
     assert read(harness, "VISO_TYPE").raw == struct.pack("<f", 1.0)
-
-
-def test_what_changed_is_handed_out_once_to_be_kept() -> None:
-    harness = Harness()
-    assert harness.core.tick(0).parameters is None
-    data = harness.codec.encode(ParamSet(harness.target, "COM_OF_LOSS_T", struct.pack("<f", 0.5), ParamType.REAL32))
-    harness.core.receive(Datagram(1, data), 1)
-    kept = harness.core.tick(1).parameters
-    assert kept is not None
-    assert kept["COM_OF_LOSS_T"] == 0.5
-    assert "MIS_TAKEOFF_ALT" not in kept
-    assert harness.core.tick(2).parameters is None
-
-
-def test_the_file_reads_back_what_it_wrote(tmp_path: Path) -> None:
-    path = tmp_path / "uav1.parm"
-    assert read_parameters(path) == {}
-    write_parameters(path, {"B": 0.1, "A": 3.0})
-    assert path.read_text() == "A 3\nB 0.1\n"
-    assert read_parameters(path) == {"A": 3.0, "B": 0.1}
-    path.write_text("A 3 # a comment\n\nB,4\n")
-    assert read_parameters(path) == {"A": 3.0, "B": 4.0}
-
-
-@pytest.mark.parametrize("text", ["A", "A x", "A 1 2"])
-def test_a_bad_file_names_its_line(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "bad.parm"
-    path.write_text(f"OK 1\n{text}\n")
-    with pytest.raises(ConfigError, match=r"bad\.parm:2"):
-        read_parameters(path)
 
 
 @pytest.mark.parametrize("autopilot", list(MODELS))

@@ -39,6 +39,14 @@ class Verb(StrEnum):
         return self.value.replace("_", "-")
 
 
+ANSWER_S, ARMING_S = 3.0, 20.0
+
+
+def answer_s(verb: Verb) -> float:
+    """How long the ground's answer is awaited where no other time is given, s: autopilots take their time to arm."""
+    return ARMING_S if verb is Verb.ARM else ANSWER_S
+
+
 @dataclass(frozen=True, slots=True)
 class OperatorRequest:
     """One request; `argument` is the verb's own text (the shape's name, say).

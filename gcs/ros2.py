@@ -10,6 +10,7 @@ from typing import Protocol
 from formation import topics
 from formation.config import LabConfig
 from formation.messages import LabFrame, OperatorRequest, PhaseChange, Verb
+from formation.requests import answer_s
 from wire import clock as clocks
 from wire.clock import Clock
 from wire.ground_state import GroundState, decode
@@ -28,7 +29,6 @@ SOURCE = "ros2"
 SERVICE = "std_srvs/srv/Trigger"
 SERVED = (Verb.HOLD, Verb.LAND)
 """A ROS graph has no roles: nobody in it may start anything."""
-ANSWER_S = 3.0
 SLOW_NS = 1_000_000_000
 QUEUED = 64
 """Frames, and chunks of the log, that wait; then the oldest are lost."""
@@ -170,7 +170,7 @@ def _service(verb: Verb, bus: ZenohBus, name: str, tasks: asyncio.TaskGroup) -> 
     async def ask(reply: Reply) -> None:
         request = OperatorRequest(clocks.unix_us(), verb, "", f"ROS 2 by {own_name()}")
         try:
-            answer = await bus.ask(name, request, ANSWER_S)
+            answer = await bus.ask(name, request, answer_s(verb))
             reply((answer.accepted, answer.text))
         except TimeoutError as error:
             reply((False, f"no ground answers: {error}"))

@@ -17,6 +17,7 @@ from rich.text import Text
 
 from formation.config import LinkConfig
 from formation.messages import OperatorRequest, Verb
+from formation.requests import answer_s
 from gcs.alarms import ShownAlarms
 from gcs.page.show import COLUMNS, LABELS, UNITS, Cell, Level, Show, none_of_ours, not_landed_text, show
 from wire import clock
@@ -35,7 +36,7 @@ MOST_ALARMS = 6
 NARROW = {"mode": 8, "name": 9, "validator": 9}
 HEADS = {"setpoint": "set-\npoint", "charge": "\nbatt"}
 KEYS = {" ": Verb.STOP, "h": Verb.HOLD, "l": Verb.LAND, "a": Verb.ACKNOWLEDGE}
-ANSWER_S, REDRAW_S = 3.0, 0.1
+REDRAW_S = 0.1
 
 
 def picture(shown: Show, alarms: tuple[Alarm, ...], answer: str) -> Group:
@@ -162,7 +163,8 @@ class _Watch:
     async def _ask(self, verb: Verb, bus: ZenohBus) -> None:
         self._answer = f"{verb} ..."
         try:
-            reply = await bus.ask(self._name, OperatorRequest(clock.unix_us(), verb, source=own_name()), ANSWER_S)
+            request = OperatorRequest(clock.unix_us(), verb, source=own_name())
+            reply = await bus.ask(self._name, request, answer_s(verb))
         except TimeoutError as error:
             self._answer = f"no ground answers: {error}"
         else:

@@ -20,13 +20,13 @@ from rich.text import Text
 
 from mocap.sources.natnet import packets
 from mocap.sources.natnet.packets import MessageId, PacketError
+from mocap.sources.vrpn.messages import COOKIE_BYTES
 from wire.text import plain
 
 BROADCAST = "255.255.255.255"
 LONGEST = 128
 MOST = 256
 """Findings, whoever answers."""
-COOKIE_BYTES = 24
 COOKIE = b"vrpn: ver. "
 
 _QTM_HEADER = Struct("<II")

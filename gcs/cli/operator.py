@@ -14,7 +14,7 @@ import typer
 
 from formation.codes import Phase
 from formation.guidance.shape_request import ShapeRequest
-from formation.requests import CONFIGURED, GCS_NAME, OperatorReply, OperatorRequest, Verb
+from formation.requests import ANSWER_S, CONFIGURED, GCS_NAME, OperatorReply, OperatorRequest, Verb, answer_s
 from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.process.program import (
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from wire.ground_state import GroundState
     from wire.transport.zenoh_session import Patience
 
-ARMING_S, ANSWER_S = 20.0, 3.0
 _COLUMNS = {
     "id": "", "body": "", "autopilot": "", "mode": "", "armed": "", "x": "m", "y": "m", "z": "m", "battery": "%",
     "behind": "ms", "heard": "s", "seen": "s",
@@ -258,7 +257,7 @@ def _patience(verb: Verb, timeout_s: float | None) -> "Patience":
         return Patience.throughout(timeout_s)
     if verb is Verb.STOP:  # is tried for as long as there is anybody on the bus
         return Patience(ANSWER_S, ground_s=ANSWER_S)
-    return Patience(ARMING_S if verb is Verb.ARM else ANSWER_S)
+    return Patience(answer_s(verb))
 
 
 def print_status(state: "GroundState", console: "Console") -> None:

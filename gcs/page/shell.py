@@ -19,6 +19,7 @@ from nicegui import Client, app, background_tasks, ui
 
 from formation.config import LabConfig
 from formation.messages import OperatorReply, OperatorRequest, Verb
+from formation.requests import answer_s
 from gcs.page.door import Door
 from gcs.page.model import Model
 from gcs.page.origin import VISITOR, OwnPagesOnly
@@ -39,7 +40,6 @@ from wire.transport.zenoh_bus import ZenohBus
 FOLDER = Path(__file__).parent / "browser"
 LOOPBACK = "127.0.0.1"
 PORT, PORTS = 8470, 20
-ANSWER_S, ARMING_S = 3.0, 20.0
 SOURCE_MOST = 80
 FETCHED_MOST = 8
 """Pages that were fetched by somebody who has not connected yet; the oldest is dropped, and has to be loaded again."""
@@ -85,11 +85,10 @@ class Page:
             return OperatorReply(unix_us(), False, "you are not logged in any more: load the page again")
         source = f"page of {own_name()}" if visitor is None else visitor_source(visitor.name, visitor.address)
         request = OperatorRequest(unix_us(), verb, argument, source)
-        wait_s = (ARMING_S if verb is Verb.ARM else ANSWER_S) / self._clock.speed
         if self._bus is None:
             return OperatorReply(request.id, False, "not on the bus yet")
         try:
-            return await self._bus.ask(self._ground, request, wait_s)
+            return await self._bus.ask(self._ground, request, answer_s(verb) / self._clock.speed)
         except TimeoutError as error:
             return OperatorReply(request.id, False, f"no ground answers: {error}")
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from formation.maths import frames
 from formation.maths.arrays import Float
+from formation.model import UNIT_WITHIN
 from mocap.retiming import exposures_ns
 from mocap.sources.rosbag import is_bag, read_bag
 from wire.files import read_text
@@ -232,7 +233,6 @@ def _chosen(path: Path, line: int, columns: dict[str, dict[str, int]], body: str
     raise MocapFileError(path, line, f'{kind} are {have}; the leader\'s body "{body}" is not among them')
 
 
-UNIT_WITHIN = 0.01
 LARGEST = 1e20
 MOST = 64 << 20
 """Bytes: an hour of one body at 100 Hz has half of that."""

@@ -22,8 +22,9 @@ from sim.cli.flights import compile_everything, fail
 from sim.studies.runner import Runner
 from sim.world import T0_NS
 from wire.logs.mcap_write import LogWriter
+from wire.process.system import NOT_RIGHT
 
-FAILED, NOT_RIGHT = 1, 2
+FAILED = 1
 
 
 def run_table(only: tuple[str, ...], workers: int | None, as_json: bool) -> None:

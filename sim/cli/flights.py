@@ -24,7 +24,7 @@ from formation.config import LabConfig
 from formation.guidance.shape import shape_for
 from formation.guidance.shape_request import parse
 from formation.messages import Verb
-from formation.model import QuatTuple
+from formation.model import UNIT_WITHIN, QuatTuple
 from formation.requests import GCS_NAME
 from formation.security_config import SecurityConfig
 from gcs.finding import Finding, Grade
@@ -51,16 +51,16 @@ from wire.process.daemon import STARVED, StarvedError
 from wire.process.output import dropping_output
 from wire.process.program import print_json_error
 from wire.process.progress import compile_all
+from wire.process.system import NOT_RIGHT
 from wire.security.private_keys import keys_folder
 
 if TYPE_CHECKING:
     from sim.cli.app import FlyOptions
 
 T = TypeVar("T")
-ABORTED, NOT_RIGHT, INTERRUPTED = 1, 2, 130
+ABORTED, INTERRUPTED = 1, 130
 LOG_BYTES = 32 << 20
 """Log and report of a flight of two minutes."""
-UNIT_WITHIN = 0.01
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,11 +12,12 @@ import typer
 from analysis.cli import Json, LogPath
 from analysis.cli import app as analysis_app
 from wire.process.program import print_json_error, program
+from wire.process.system import NOT_RIGHT
 
 if TYPE_CHECKING:
     from gcs.replay import Replay
 
-DIFFERENT, NOT_RIGHT = 1, 2
+DIFFERENT = 1
 
 app = program(
     "Read flight logs.",

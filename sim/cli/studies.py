@@ -13,6 +13,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from wire.process.system import NOT_RIGHT
+
 if TYPE_CHECKING:
     from formation.control.presets import Preset
     from formation.vehicle.profile import VehicleProfile
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
     from sim.studies.robustness import Draw, Sample
     from sim.studies.tune import Candidate, Task
 
-FAILED, NOT_RIGHT = 1, 2
+FAILED = 1
 PAPER_SEEDS = 10
 OutFolder = Annotated[Path, typer.Option(help="Where the files go.")]
 Full = Annotated[

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from formation.requests import ANSWER_S
 from gcs.cli.stop import stop
 from tests.free_ports import free_port
 from wire.process.system import NO_GROUND, NOT_RIGHT
-from wire.transport.stop_call import ANSWER_S
 from wire.transport.zenoh_session import FIND_S, Patience, _is_out_of_patience, open_session
 
 

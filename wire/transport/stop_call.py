@@ -21,7 +21,7 @@ from queue import Empty, SimpleQueue
 from threading import Thread
 
 from formation.exposure import endpoint_host
-from formation.requests import GCS_NAME, OperatorReply, OperatorRequest
+from formation.requests import ANSWER_S, GCS_NAME, OperatorReply, OperatorRequest
 from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.process.system import CLOSING
@@ -111,8 +111,6 @@ def _mac(key: bytes, data: bytes) -> bytes:
     return hmac.digest(key, data, "sha256")
 
 
-ANSWER_S = 3.0
-"""How long an answer is awaited where no other time is given."""
 AGAIN_S = 0.01
 HEAD_START_S = 0.1
 """Delay of the datagrams: a busy computer takes longer to load the bus than a ground to answer."""

@@ -58,7 +58,7 @@ class Shows:
         """Each topic's, once the graph is joined; nothing is to be received before."""
         self._flight, self._clock = flight, clock
         self._ahead_ns = clock.pair().ahead_ns
-        self._log = LiveLog()
+        self._log = LiveLog(LOGGED)
         self._decoders: dict[int, Callable[[bytes], object]] = {}
         self._state = ""
         self._faults: dict[str, Values] = {}
@@ -74,7 +74,6 @@ class Shows:
             self._decoders = {
                 number: LOGGED[described.topic].written(described.descriptor_set).decode
                 for number, described in self._log.channels.items()
-                if described.topic in LOGGED
             }
 
     def receive_chunk(self, chunk: bytes) -> None:

@@ -7,7 +7,7 @@ Shared only while somebody listens, at the lowest priority, and dropped rather t
 """
 
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Protocol, TypeVar
@@ -70,7 +70,7 @@ def sharer(bus: Bus, gcs_name: str) -> Callable[[bytes, bytes], None]:
     return share
 
 
-def _messages(chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
+def _messages(chunk: bytes, channels: Container[int]) -> Iterator[tuple[int, int, bytes]]:
     """(channel, date, data) of a chunk's messages; it is unpacked only so far as it says and CHUNK_MOST allows."""
     record = Chunk.read(ReadDataStream(BytesIO(chunk[_RECORD.size :])))
     raw = uncompressed(record) if record.uncompressed_size <= CHUNK_MOST else None
@@ -82,7 +82,8 @@ def _messages(chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
         at += _RECORD.size
         if opcode == Opcode.MESSAGE:
             channel, _, unix_ns, _ = _MESSAGE.unpack_from(raw, at)
-            yield channel, unix_ns, raw[at + _MESSAGE.size : at + length]
+            if channel in channels:
+                yield channel, unix_ns, raw[at + _MESSAGE.size : at + length]
         at += length
 
 
@@ -96,9 +97,10 @@ class ChannelDescription:
 
 
 class LiveLog:
-    """A log as it comes over the bus: who listens from the middle begins with the next head."""
+    """A log as it comes over the bus: who listens from the middle begins with the next head. only: of these topics."""
 
-    def __init__(self) -> None:
+    def __init__(self, only: Container[str] | None = None) -> None:
+        self._only = only
         self.channels: Mapping[int, ChannelDescription] = {}
         self.ahead_ns = 0
         """What is added to a stamp inside a message for its date."""
@@ -115,7 +117,7 @@ class LiveLog:
         channels = {
             record.id: ChannelDescription(record.topic, schemas[record.schema_id].name, schemas[record.schema_id].data)
             for record in records
-            if isinstance(record, Channel) and record.schema_id in schemas
+            if isinstance(record, Channel) and record.schema_id in schemas and self._is_wanted(record.topic)
         }
         if not channels:
             return False
@@ -126,7 +128,10 @@ class LiveLog:
     def messages(self, chunk: bytes) -> Iterator[tuple[int, int, bytes]]:
         """(channel, date in ns since 1970, data) of each message of a chunk; none before the first head."""
         if self.channels:
-            yield from (message for message in self._read(lambda: _messages(chunk)) if message[0] in self.channels)
+            yield from self._read(lambda: _messages(chunk, self.channels))
+
+    def _is_wanted(self, topic: str) -> bool:
+        return self._only is None or topic in self._only
 
     def _read(self, read: Callable[[], Iterable[T]]) -> list[T]:
         """All that is read; nothing, and counted, where it cannot be."""

@@ -54,7 +54,8 @@ class Ros2Source:
         self._expiry = Expiry(self._frames, self._feed.clock)
         late = asyncio.get_running_loop().call_later(_WATCH_S, self._note_joined, False)
         try:
-            node = self._node = await Node.open(Graph(self._router, self._config.domain, node="formation_mocap"))
+            graph = Graph(self._router, self._config.domain, node="formation_mocap")
+            node = self._node = await Node.open(graph, self._feed.clock)
         finally:
             late.cancel()
         try:

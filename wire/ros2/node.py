@@ -18,7 +18,7 @@ from typing import Any
 
 import zenoh
 
-from wire import clock
+from wire.clock import REAL_TIME, Clock, unix_us
 from wire.errors import BusError
 from wire.ros2.message_types import CdrError, MessageType, Values, message_type
 from wire.transport.link import LinkCounters
@@ -34,7 +34,7 @@ _CONNECT_MS, _AGAIN_S = 1000, 0.1
 _RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 
 Receive = Callable[[str, bytes, int], None]
-"""Receives a message: its type's name in keys, its CDR, and when it came (monotonic, ns)."""
+"""Receives a message: its type's name in keys, its CDR, and when it came (the node's clock, ns)."""
 Reply = Callable[[Values], None]
 
 
@@ -65,7 +65,7 @@ class Publisher:
     def publish(self, values: Values) -> None:
         """Publish a message; dropped and counted where Zenoh's queue is full."""
         self._number += 1
-        attached = _ATTACHED.pack(self._number, clock.unix_us() * 1000, _GID_BYTES, self._gid)
+        attached = _ATTACHED.pack(self._number, unix_us() * 1000, _GID_BYTES, self._gid)
         try:
             self._publisher.put(self._kind.encode(values), attachment=attached)
             self._counters.sent += 1
@@ -79,8 +79,10 @@ class Publisher:
 class Node:
     """A node of one graph, and its Zenoh session."""
 
-    def __init__(self, session: zenoh.Session, graph: Graph) -> None:
+    def __init__(self, session: zenoh.Session, graph: Graph, clock: Clock = REAL_TIME) -> None:
+        """clock: of the times at which messages came."""
         self.graph = graph
+        self._clock = clock
         self.counters = LinkCounters()
         self._session = session
         self._loop = asyncio.get_running_loop()
@@ -89,7 +91,7 @@ class Node:
         self._declare("NN")
 
     @classmethod
-    async def open(cls, graph: Graph) -> "Node":
+    async def open(cls, graph: Graph, clock: Clock = REAL_TIME) -> "Node":
         """Join the graph, as soon as a router is there; a lab's own bus is none. BusError for what is no endpoint."""
         try:
             _configuration(graph.router)
@@ -99,7 +101,7 @@ class Node:
             with suppress(zenoh.ZError):
                 session = await asyncio.to_thread(lambda: zenoh.open(_configuration(graph.router)))
                 if session.info.routers_zid():
-                    return cls(session, graph)
+                    return cls(session, graph, clock)
                 await asyncio.to_thread(session.close)
             await asyncio.sleep(_AGAIN_S)
 
@@ -122,7 +124,7 @@ class Node:
         inbox = self._inbox(lambda came: receive(*came))
 
         def enqueue(sample: zenoh.Sample) -> None:
-            now_ns = clock.monotonic_ns()
+            now_ns = self._clock.monotonic_ns()
             if len(sample.payload) > LARGEST_PAYLOAD:
                 self.counters.rejected += 1
                 return
@@ -148,7 +150,7 @@ class Node:
                 return
 
             def reply(values: Values) -> None:
-                attached = _ATTACHED.pack(number, clock.unix_us() * 1000, _GID_BYTES, gid)
+                attached = _ATTACHED.pack(number, unix_us() * 1000, _GID_BYTES, gid)
                 try:
                     query.reply(key, response.encode(values), attachment=attached)
                 except zenoh.ZError:  # the one who asked has gone

@@ -13,7 +13,7 @@ from mocap.sources.registry import open_source
 from sim.cameras.systems import server_for
 from tests.free_ports import free_port
 from tests.mocap.sources.recorded_feed import Kept
-from wire.clock import REAL_TIME
+from wire.clock import REAL_TIME, Clock
 
 NAMES = ("leader", "left")
 POS_M = np.array([[1.0, 2.0, 0.5], [-1.0, 0.25, 1.5]])
@@ -35,9 +35,9 @@ def lab(port: int, **ros2: str) -> LabConfig:
 class Graph(Kept):
     """A server, and our source of it."""
 
-    def __init__(self, config: LabConfig) -> None:
-        super().__init__(config.mocap, REAL_TIME)
-        self.server = server_for(config.mocap, NAMES, REAL_TIME)
+    def __init__(self, config: LabConfig, clock: Clock = REAL_TIME) -> None:
+        super().__init__(config.mocap, clock)
+        self.server = server_for(config.mocap, NAMES, clock)
         self.source = open_source(config, None, self.feed(), lambda _: None)
         self._number = 0
 
@@ -45,7 +45,7 @@ class Graph(Kept):
         async with asyncio.timeout(60.0):
             while not is_done():
                 self._number += 1
-                exposed_ns = REAL_TIME.monotonic_ns() - AGE_NS
+                exposed_ns = self.clock.monotonic_ns() - AGE_NS
                 noise = 1e-5 * np.sin(self._number)  # a pose that repeats to the last bit is that of a lost body
                 self.server.publish(RawFrame(self._number, exposed_ns, NAMES, POS_M + noise, Q, np.array([True, True])))
                 await asyncio.sleep(0.01)
@@ -86,6 +86,17 @@ def test_poses_arrive_as_they_were_published(ros2) -> None:
         np.testing.assert_allclose(frame.q_mocap_from_marker[rows], Q, atol=1e-12)
     assert all("later than the rest" in text for text in graph.refused())  # of a machine under load
     assert graph.said("the server names") == 1
+
+
+def test_a_slowed_clock_is_that_of_the_capture_times() -> None:
+    slow = Clock(0.25)
+    graph = Graph(lab(free_port()), slow)
+    begun_ns = slow.monotonic_ns()
+    asyncio.run(flown(graph, restarts=0))
+    captures_ns = [frame.t_capture_ns for frame in graph.whole()]
+    assert begun_ns < min(captures_ns)
+    assert max(captures_ns) < slow.monotonic_ns()
+    assert captures_ns == sorted(captures_ns)
 
 
 def test_a_router_that_goes_and_comes_again_is_found_again() -> None:

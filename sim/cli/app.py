@@ -48,7 +48,9 @@ Name = Annotated[
     ),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="Decides all luck; without it the scenario's own.")]
-LeaderCsv = Annotated[Path | None, typer.Option(help="The leader's recorded poses (CSV: EuRoC, TUM, Motive, Vicon).")]
+LeaderCsv = Annotated[
+    Path | None, typer.Option(help="The leader's recorded poses (CSV: EuRoC, TUM, Motive, Vicon; or a rosbag2).")
+]
 Alignment = Annotated[
     str | None, typer.Option(metavar="W,X,Y,Z", help="Turns the leader's marker frame: q_marker_from_flu.")
 ]
@@ -215,7 +217,8 @@ class BoxOptions:
     bodies: Annotated[int, typer.Option(min=1, max=MOST_BODIES, help="How many, without --lab.")] = 3
     still: Annotated[bool, typer.Option("--still", help="Nothing moves.")] = False
     csv: Annotated[
-        Path | None, typer.Option(help="The first body moves as recorded (CSV: EuRoC, TUM, Motive, Vicon).")
+        Path | None,
+        typer.Option(help="The first body moves as recorded (CSV: EuRoC, TUM, Motive, Vicon; or a rosbag2)."),
     ] = None
     cameras: Annotated[
         str,

@@ -5,7 +5,7 @@ It is an observer, and asks the ground for what the graph's services ask of it: 
 
 import asyncio
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from formation import topics
 from formation.config import LabConfig
@@ -25,6 +25,7 @@ from wire.security.protection import Protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
+T = TypeVar("T")
 SOURCE = "ros2"
 SERVICE = "std_srvs/srv/Trigger"
 SERVED = (Verb.HOLD, Verb.LAND)
@@ -127,42 +128,56 @@ async def run(
     )
     missing = asyncio.create_task(report_missing(SOURCE, awaited, report))
     try:
-        await first_of(_publish(shows, graph, bus, name, clock), stop.wait())
+        await first_of(_publish(shows, graph, bus, name, clock, report), stop.wait())
     finally:
         missing.cancel()
         await bus.close()
     return shows.messages
 
 
-async def _publish(shows: Shows, graph: Graph, bus: ZenohBus, name: str, clock: Clock) -> None:
+async def _publish(shows: Shows, graph: Graph, bus: ZenohBus, name: str, clock: Clock, report: EventSink) -> None:
     """Publish until cancelled."""
     node = await Node.open(graph)
     try:
         async with asyncio.TaskGroup() as requests:
             shows.publishers = {topic: node.publisher(topic, kind, topic == TF_STATIC) for topic, kind in shows.types}
-            MocapBus(bus, clock).on_frame(shows.receive_frame, QUEUED)
-            _listen(bus, name, shows)
+            _listen(bus, name, shows, clock)
             for verb in SERVED:
                 node.serve(verb.command_name, SERVICE, _service(verb, bus, name, requests))
-            await _every_second(shows, bus, clock)
+            await _every_second(shows, bus, clock, report)
     finally:
         await node.close()
 
 
-def _listen(bus: ZenohBus, name: str, shows: Shows) -> None:
+def _listen(bus: ZenohBus, name: str, shows: Shows, clock: Clock) -> None:
     head_key, chunk_key = keys(name)
-    bus.listen(head_key, lambda sample: shows.receive_head(sample.payload.to_bytes()), limit=1)
-    bus.listen(chunk_key, lambda sample: shows.receive_chunk(sample.payload.to_bytes()), limit=QUEUED)
+
+    def checked(key: str, receive: Callable[[T], None]) -> Callable[[T], None]:
+        def receive_checked(message: T) -> None:
+            try:
+                receive(message)
+            except ValueError:
+                bus.reject(key, "frame or log of another release, or of other bodies than the lab's")
+
+        return receive_checked
+
+    receive_head, receive_chunk = checked(head_key, shows.receive_head), checked(chunk_key, shows.receive_chunk)
+    bus.listen(head_key, lambda sample: receive_head(sample.payload.to_bytes()), limit=1)
+    bus.listen(chunk_key, lambda sample: receive_chunk(sample.payload.to_bytes()), limit=QUEUED)
     bus.on_state(name, shows.receive_state)
+    MocapBus(bus, clock).on_frame(checked("mocap/frame", shows.receive_frame), QUEUED)
 
 
-async def _every_second(shows: Shows, bus: ZenohBus, clock: Clock) -> None:
+async def _every_second(shows: Shows, bus: ZenohBus, clock: Clock, report: EventSink) -> None:
     while True:
         try:
             shows.tick()
         except ValueError as error:  # of a ground of another version
             bus.reject("state", str(error))
-        await clock.sleep_until_ns(clock.monotonic_ns() + SLOW_NS)
+        now_ns = clock.monotonic_ns()
+        for event in bus.rejections.due(now_ns):
+            report(event)
+        await clock.sleep_until_ns(now_ns + SLOW_NS)
 
 
 def _service(verb: Verb, bus: ZenohBus, name: str, tasks: asyncio.TaskGroup) -> Callable[[Reply], None]:

@@ -66,7 +66,8 @@ class Flight:
         return _OF_LAB | bodies | drones
 
     def of(self, record: object, ahead_ns: int) -> Iterator[Shown]:
-        """What is made of a record of control or cameras, in the order in which the log has them."""
+        """What is made of a record of control or cameras, in the order in which the log has them. ValueError for one of
+        other bodies than the lab's."""
         match record:
             case LabFrame():
                 yield from self._poses(record, record.t_capture_ns + ahead_ns)
@@ -88,6 +89,8 @@ class Flight:
 
     def _poses(self, frame: LabFrame, unix_ns: int) -> Iterator[Shown]:
         stamp, transforms = _stamp(unix_ns), list[Values]()
+        if frame.bodies != self._bodies:
+            raise ValueError(f"a frame of {', '.join(frame.bodies)}")
         rows = zip(
             frame.bodies, frame.seen.tolist(), frame.pos_lab_m.tolist(), frame.q_lab_from_flu.tolist(), strict=True
         )

@@ -111,3 +111,12 @@ def test_battery_alarms_phase_and_what_stands_still_are_of_their_types() -> None
 def test_bodies_whose_topics_would_be_one_are_refused() -> None:
     with pytest.raises(ValueError, match=r"a-b, a\.b: the topics of all of them would be a_b"):
         Flight(lab("a-b", "a.b"))
+
+
+def test_records_of_other_bodies_are_an_error() -> None:
+    q, seen = np.array([[1.0, 0.0, 0.0, 0.0]]), np.array([True])
+    with pytest.raises(ValueError, match="a frame of robot"):
+        list(FLIGHT.of(LabFrame(1, T_NS, ("robot",), np.zeros((1, 3)), q, seen), AHEAD_NS))
+    zeros, none = np.zeros((2, 3), np.float32), np.zeros(2, np.float32)
+    with pytest.raises(ValueError, match="zip"):
+        list(FLIGHT.of(Command(T_NS, zeros, *(zeros,) * 6, none, none), AHEAD_NS))

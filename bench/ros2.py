@@ -32,7 +32,7 @@ from sim.ports import own_ports
 from wire.clock import REAL_TIME
 from wire.config_file import dump
 from wire.logs.live import sharer
-from wire.logs.mcap_read import Entry, lab_of, read_log
+from wire.logs.mcap_read import Entry, Stored, lab_of, read_log
 from wire.logs.mcap_write import LogWriter
 from wire.process.system import python_command
 from wire.ros2.node import Graph, Node
@@ -85,10 +85,11 @@ def in_formation(log: Path) -> list[Entry]:
     """The entries of a log while the formation was flown."""
     entries = read_log(log).entries
     flown = itertools.dropwhile(lambda entry: not _enters(entry, Phase.FORMATION), entries)
-    return list(itertools.takewhile(lambda entry: not _enters(entry, Phase.LAND), flown))
+    until_landing = itertools.takewhile(lambda entry: not _enters(entry, Phase.LAND), flown)
+    return [Entry(entry.topic, entry.t_ns, entry.message) for entry in until_landing]
 
 
-def _enters(entry: Entry, phase: Phase) -> bool:
+def _enters(entry: Stored, phase: Phase) -> bool:
     return entry.topic is topics.PHASE and entry.message.phase is phase
 
 

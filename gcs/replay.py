@@ -20,7 +20,7 @@ from formation.topics import Topic
 from gcs.core import GcsCore
 from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, THINNED, Thinning, outputs
 from wire.logs.mcap_read import Log, Stored
-from wire.schema import SchemaError, schema_of
+from wire.schema import schema_of
 
 
 class ReplayError(ValueError):
@@ -61,23 +61,16 @@ Array = NDArray[Any]
 
 
 def replay(log: Log) -> Replay:
-    """Feed the log's inputs to a fresh core until an output differs. Raises ReplayError.
+    """Feed the log's inputs to a fresh core until an output differs. Raises ReplayError, and LogError while it is read.
 
     A log that was cut off may end in the middle of a tick's outputs: what is there must agree.
     """
-    try:
-        return _replayed(log)
-    except SchemaError as error:
-        raise ReplayError(f"it holds a message that cannot be read: {error}") from error
-
-
-def _replayed(log: Log) -> Replay:
     core, left_out = _core(log), log.left_out
     thinning = Thinning() if THINNED in log.metadata else None
     inputs = ticks = agreed = 0
     expected: Iterator[Output] = iter(())
     t_ns = 0
-    for entry in log.stored(*INPUT_TOPICS, topics.TICK, *OUTPUT_TOPICS):
+    for entry in log.only(*INPUT_TOPICS, topics.TICK, *OUTPUT_TOPICS):
         is_output = entry.topic in OUTPUT_TOPICS
         difference = _compare_next(entry, expected) if is_output else _left_over(expected, t_ns)
         if difference is not None:
@@ -128,7 +121,7 @@ class _RecordedOverruns:
     @cached_property
     def _reasons(self) -> dict[int, str]:
         """By time; read where the flight had such a law."""
-        failures = (entry.message for entry in self._log.stored(topics.LAW_FAILURE))
+        failures = (entry.message for entry in self._log.only(topics.LAW_FAILURE))
         return {failure.t_ns: failure.reason for failure in failures if failure.overran}
 
     def __call__(self, now_ns: int, call: Callable[[], Answer]) -> Answer:

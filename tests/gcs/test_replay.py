@@ -51,7 +51,7 @@ class MemoryLog:
     entries: list[Entry]
     left_out: dict[str, frozenset[str]] = field(default_factory=dict)
 
-    def stored(self, *wanted):
+    def only(self, *wanted):
         for entry in self.entries:
             if entry.topic in wanted:
                 schema = schema_of(entry.topic.type)

@@ -43,7 +43,7 @@ _BACKWARDS = 1 << 31
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One message of the log, at the monotonic time at which it was recorded."""
+    """One message of a log in memory, at the monotonic time at which it was recorded."""
 
     topic: Topic
     t_ns: int
@@ -52,7 +52,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """One message as the log holds it, not decoded."""
+    """One message as a file holds it, decoded when it is looked at."""
 
     topic: Topic
     t_ns: int
@@ -61,12 +61,15 @@ class Stored:
 
     @property
     def message(self) -> Any:
-        """The message; SchemaError."""
-        return self.written.decode(self.raw)
+        """The message; LogError where it is none."""
+        try:
+            return self.written.decode(self.raw)
+        except SchemaError as error:
+            raise LogError(f"{self.topic.name} at {self.t_ns}: {error}") from error
 
     @property
     def data(self) -> bytes:
-        """As this version writes it; SchemaError."""
+        """As this version writes it; raises as `message`."""
         schema = schema_of(self.topic.type)
         return self.raw if self.written is schema.own else schema.encode(self.message)
 
@@ -126,17 +129,13 @@ class Log:
     metadata: Mapping[str, str]
 
     @property
-    def entries(self) -> Iterator[Entry]:
+    def entries(self) -> Iterator[Stored]:
         """The entries in file order, from the start, each time it is asked for."""
         return self.only(*topics.ALL)
 
-    def only(self, *wanted: Topic) -> Iterator[Entry]:
-        """The entries of these topics, in file order; the others are not decoded."""
+    def only(self, *wanted: Topic) -> Iterator[Stored]:
+        """The entries of these topics, in file order."""
         return _entries(self.path, Damage(), wanted)
-
-    def stored(self, *wanted: Topic) -> Iterator[Stored]:
-        """The same, of which none is decoded; the file's messages that hold none are among them."""
-        return _stored(self.path, Damage(), wanted)
 
     @property
     def left_out(self) -> Mapping[str, frozenset[str]]:
@@ -349,16 +348,8 @@ def _gathered(
     return TopicColumns(block.t_ns[chosen[read]], number + chosen[read], fields)
 
 
-def _entries(path: Path, damage: Damage, wanted: Collection[Topic] = topics.ALL) -> Iterator[Entry]:
+def _entries(path: Path, damage: Damage, wanted: Collection[Topic]) -> Iterator[Stored]:
     """The entries of the wanted ones of our topics; channels of others (Foxglove's views) are passed over."""
-    for stored in _stored(path, damage, wanted):
-        try:
-            yield Entry(stored.topic, stored.t_ns, stored.message)
-        except SchemaError as error:
-            damage.note(f"{stored.topic.name} at {stored.t_ns}: {error}")
-
-
-def _stored(path: Path, damage: Damage, wanted: Collection[Topic]) -> Iterator[Stored]:
     reading = _Reading(path, damage)
     for block in reading.blocks():
         readers, data = reading.of(wanted), block.data

@@ -46,7 +46,7 @@ _KINDS: dict[int, type[Schema | Channel | Metadata | DataEnd]] = {
 
 
 class LogError(ValueError):
-    """A file that holds no log at all."""
+    """A file that holds no log at all, or a message in it that is none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,15 +14,14 @@ from typing import Protocol, TypeVar
 from zlib import crc32
 
 import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Metadata, Schema
+from mcap.records import Channel, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from wire.logs.mcap_read import clock_of
-from wire.logs.mcap_scan import uncompressed
+from wire.logs.mcap_scan import read_chunk, uncompressed
 
 T = TypeVar("T")
 
@@ -72,8 +71,10 @@ def sharer(bus: Bus, gcs_name: str) -> Callable[[bytes, bytes], None]:
 
 def _messages(chunk: bytes, channels: Container[int]) -> Iterator[tuple[int, int, bytes]]:
     """(channel, date, data) of a chunk's messages; it is unpacked only so far as it says and CHUNK_MOST allows."""
-    record = Chunk.read(ReadDataStream(BytesIO(chunk[_RECORD.size :])))
-    raw = uncompressed(record) if record.uncompressed_size <= CHUNK_MOST else None
+    record = read_chunk(chunk[_RECORD.size :])
+    if record is None or record.uncompressed_size > CHUNK_MOST:
+        raise ValueError(f"{len(chunk)} bytes that are no chunk, or one that is too large")
+    raw = uncompressed(record, zstandard.ZstdDecompressor())
     if raw is None or len(raw) != record.uncompressed_size or crc32(raw) != record.uncompressed_crc:
         raise ValueError(f"a chunk of {len(chunk)} bytes that says it holds {record.uncompressed_size}")
     at = 0

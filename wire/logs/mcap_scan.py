@@ -25,6 +25,7 @@ from mcap.writer import MCAP0_MAGIC
 from wire.text import plain
 
 _HEAD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
+_CHUNK, _LENGTH = struct.Struct("<QQQII"), struct.Struct("<Q")
 _FOOTER_SIZE = 9 + 20
 # A chunk's compression, so far behind the chunk's first byte: what a search for the next one looks for.
 _PACKED = re.compile(rb"[\3\4]\0\0\0(?:zstd|lz4)")
@@ -140,6 +141,9 @@ class _Scanner:
         self._data = data
         self._damage = damage
         self._left = self.allowed
+        self._zstd = zstandard.ZstdDecompressor()
+        self._searched = 0, 0
+        """From where on, and up to where, no chunk can begin that ends before."""
         self._unsound: set[int] = set()
         self._last: tuple[int, Messages] | None = None
 
@@ -183,12 +187,20 @@ class _Scanner:
                 return position
         return None
 
+    def _is_clear(self, start: int, end: int) -> bool:
+        """Whether nothing between the two looks like a chunk. Behind each chunk many small records are asked for."""
+        low, high = self._searched
+        if not low <= start < high:
+            found = _PACKED.search(self._data, start + _PACKED_OFFSET)
+            self._searched = low, high = start, found.end() if found else len(self._data) + 1
+        return end < high
+
     def _record(self, position: int, opcode: int, stop: int) -> Record | DataEnd | bytes | None:
         """The record, its bytes where it does not matter here, None if it is damaged."""
         if opcode == Opcode.CHUNK:
             return self._chunk(position)
         # A record that swallows a sound chunk is none: its length is damaged.
-        if self.next_chunk(position + 1, stop) is not None:
+        if not self._is_clear(position + 1, stop) and self.next_chunk(position + 1, stop) is not None:
             return None
         if opcode == Opcode.MESSAGE:  # as a log without chunks holds it
             return Messages(self._data[position:stop])
@@ -214,17 +226,13 @@ class _Scanner:
         if opcode != Opcode.CHUNK or stop > len(data):
             return None
         self._spend(length)
-        stream = ReadDataStream(BytesIO(data[position + _HEAD.size : stop]))
-        try:
-            chunk = Chunk.read(stream)
-        except _MALFORMED:
-            return None
-        if stream.count != length or chunk.uncompressed_size > CHUNK_MOST:
+        chunk = read_chunk(data[position + _HEAD.size : stop])
+        if chunk is None or chunk.uncompressed_size > CHUNK_MOST:
             return None
         self._spend(chunk.uncompressed_size)
         if chunk.compression not in ("", "zstd", "lz4"):
             self._damage.note(f"chunks are packed by {plain(chunk.compression, 20)}; read are zstd, lz4 and none")
-        raw = uncompressed(chunk)
+        raw = uncompressed(chunk, self._zstd)
         crc = chunk.uncompressed_crc
         if raw is None or len(raw) != chunk.uncompressed_size or (crc and zlib.crc32(raw) != crc):
             return None
@@ -253,7 +261,20 @@ def _parse(opcode: int, body: bytes) -> Schema | Channel | Metadata | DataEnd | 
     return record
 
 
-def uncompressed(chunk: Chunk) -> bytes | None:
+def read_chunk(body: bytes) -> Chunk | None:
+    """The chunk in a record, as the library reads it in ten times the time; None where it is none."""
+    try:
+        start_ns, end_ns, unpacked_size, crc, size = _CHUNK.unpack_from(body)
+        at = _CHUNK.size + size
+        compression = body[_CHUNK.size : at].decode()
+        (length,) = _LENGTH.unpack_from(body, at)
+    except (struct.error, UnicodeDecodeError):
+        return None
+    data = body[at + _LENGTH.size :]
+    return Chunk(compression, data, end_ns, start_ns, crc, unpacked_size) if len(data) == length else None
+
+
+def uncompressed(chunk: Chunk, zstd: zstandard.ZstdDecompressor) -> bytes | None:
     """The chunk's bytes, None where they are packed otherwise or not as many as they say."""
     size = chunk.uncompressed_size
     try:
@@ -265,7 +286,7 @@ def uncompressed(chunk: Chunk) -> bytes | None:
         # zstd allocates the size in a frame's header, whatever max_output_size is: check the header first.
         if zstandard.frame_content_size(chunk.data) not in (-1, size):
             return None
-        return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size)
+        return zstd.decompress(chunk.data, max_output_size=size)
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
         return None
 

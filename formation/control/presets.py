@@ -50,7 +50,6 @@ class Preset:
     attitude_trust: float = 1.0
     tilt_bandwidth_rad_s: float = 40.0
     tilt_decay_1_s: float = 7.0
-    yaw_trust: float = 0.3
     quiet_m: float = 2e-4
     quiet_rad: float = 1e-3
     seen_adaptation: Adaptation = SEEN_ADAPTATION
@@ -102,7 +101,6 @@ DEFAULT = Preset(
     seen_heading_observer=ObserverGains(2.4, -0.1, 0.01),
     tilt_bandwidth_rad_s=18.0,
     tilt_decay_1_s=11.2,
-    yaw_trust=0.98,
     dead_share=0.95,
     lag_share=1.0,
     attitude_trust=0.13,

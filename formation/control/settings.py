@@ -90,7 +90,6 @@ def _observers(leads: bool, commanded_index: int, profile: VehicleProfile, gains
         tilt_decay_1_s=gains.tilt_decay_1_s,
         quiet_m=gains.quiet_m,
         quiet_rad=gains.quiet_rad,
-        yaw_trust=gains.yaw_trust,
         adaptation=gains.seen_adaptation,
         parallel=ALONE if seen else gains.parallel,
         heading_parallel=gains.seen_heading_parallel if seen else ALONE,

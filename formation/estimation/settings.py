@@ -82,8 +82,8 @@ class ObserverSettings:
     thrust_scale_lag_s: how slowly Z3 of the height moves into the thrust scale; attitude_trust: share of the measured
     tilt, against the modelled one, that a frame is given; tilt_bandwidth_rad_s, tilt_decay_1_s: filter of an observed
     vehicle's tilt and of its rate (0: its attitude is not used); quiet_m, quiet_rad: position noise above which
-    bandwidths shrink, and heading noise that is always expected; yaw_trust: how much of an observed heading's Z3 is
-    taken to last; parallel, heading_parallel: of the horizontal axes and of the heading.
+    bandwidths shrink, and heading noise that is always expected; parallel, heading_parallel: of the horizontal axes and
+    of the heading.
     """
 
     commanded_index: int
@@ -101,7 +101,6 @@ class ObserverSettings:
     tilt_decay_1_s: float
     quiet_m: float
     quiet_rad: float
-    yaw_trust: float
     adaptation: Adaptation
     parallel: Parallel
     heading_parallel: Parallel

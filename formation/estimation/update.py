@@ -244,7 +244,7 @@ def _join_motion(z: VehicleEstimate, s: ObserverSettings) -> None:
     if commanded:
         z.motion[2, 2] -= GRAVITY_M_S2
     z.motion[0, 3], z.motion[1, 3] = z.yaw_rad, z.yaw_rate_rad_s
-    z.motion[2, 3] = (1.0 if commanded else s.yaw_trust) * z.yaw_dist_rad_s2 + z.yaw_acc_command_rad_s2
+    z.motion[2, 3] = z.yaw_dist_rad_s2 + z.yaw_acc_command_rad_s2
 
 
 def swarm_state(z: Rows[VehicleEstimate]) -> SwarmState:

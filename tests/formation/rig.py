@@ -74,7 +74,6 @@ def traits(gains: Preset, body: VehicleProfile, leads: bool, commanded: bool) ->
         tilt_decay=gains.tilt_decay_1_s,
         quiet_m=gains.quiet_m,
         quiet_rad=gains.quiet_rad,
-        turn_trust=gains.yaw_trust,
         drag=drag(body) if commanded else np.zeros(3),
     )
 

@@ -152,7 +152,6 @@ LIVELY = replace(
     leader_vertical=replace(DEFAULT.leader_vertical, c=6.0, p2=2.0),
     leader_lag_compensation=replace(DEFAULT.leader_lag_compensation, rate=0.9, gain=1.3, gain_power=0.4, p1_power=0.2),
     thrust_scale_lag_s=0.3,
-    yaw_trust=0.45,
 )
 SLOW_PID = replace(
     PID, follower=replace(PID.follower, kd=0.15), follower_vertical=GeometricGains(8.0, 4.0, 3.0, 1.2, 0.01)

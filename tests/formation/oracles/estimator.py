@@ -68,7 +68,6 @@ class Traits:
     tilt_decay: float
     quiet_m: float
     quiet_rad: float
-    turn_trust: float
     drag: np.ndarray  # over mass, along x, y, z of the lab
 
 
@@ -370,6 +369,6 @@ def acceleration(k: Estimate, has: Traits) -> np.ndarray:
     return k.strength * k.force - has.drag * k.vel + k.dist - (np.array([0.0, 0.0, G]) if has.commanded else 0.0)
 
 
-def turning(k: Estimate, has: Traits, turn: float) -> float:
-    """Angular acceleration of the heading; of an observed one only a share of Z3 is taken to last."""
-    return turn + (1.0 if has.commanded else has.turn_trust) * k.heading[2]
+def turning(k: Estimate, turn: float) -> float:
+    """Angular acceleration of the heading."""
+    return turn + k.heading[2]

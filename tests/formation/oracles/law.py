@@ -164,7 +164,7 @@ def predict(
     motion[1, :3] = k.vel + k.strength * speed + pushed - has.drag * moved
     steady = steady + dist_after(k, has, h) - k.dist
     motion[2, :3] = k.strength * force + steady - has.drag * motion[1, :3]
-    alpha = turning(k, has, turn)
+    alpha = turning(k, turn)
     motion[:, 3] = k.heading[0] + h * k.heading[1] + 0.5 * h**2 * alpha, k.heading[1] + h * alpha, alpha
     return Predicted(motion, force)
 

@@ -126,7 +126,7 @@ class OracleStack:
         self.frozen = [t.bits >= 1 for t in targets]
         self.last_ns = now_ns
         accelerations = [acceleration(k, has) for k, has in zip(self.known, self.traits, strict=True)]
-        turns = [turning(k, has, t) for k, has, t in zip(self.known, self.traits, self.turn, strict=True)]
+        turns = [turning(k, t) for k, t in zip(self.known, self.turn, strict=True)]
         references = [self._reference(i, t_ns, motions[0]) for i in range(len(self.own))]
         self.turn = np.zeros(len(self.traits))
         self.turn[self.own] = [to_lab(*r)[2, 3] for r in references]
@@ -154,7 +154,7 @@ class OracleStack:
         k, has = self.known[n], self.traits[n]
         out = np.zeros((3, 4))
         out[0, :3], out[1, :3], out[2, :3] = k.pos, k.vel, acceleration(k, has)
-        out[:, 3] = k.heading[0], k.heading[1], turning(k, has, float(self.turn[n]))
+        out[:, 3] = k.heading[0], k.heading[1], turning(k, float(self.turn[n]))
         return out
 
     def _lead(self, first: bool, t_ns: int, now_ns: int, motions: list[Motion]) -> None:

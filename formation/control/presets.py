@@ -15,7 +15,7 @@ from formation.vehicle.profile import GainScale, VehicleProfile
 
 PLAIN, ALONE = LagCompensation(), Parallel()
 SEEN_HEADING_FAST = Parallel(bandwidth_rad_s=60.0, pos_sigmas=8.0, vel_sigmas=11.0, dist_sigmas=5.0, hold_s=0.6)
-SEEN_ADAPTATION = Adaptation(lag_s=0.117, threshold=1.55, most=6.1, bandwidth_power=1.0)
+SEEN_ADAPTATION = Adaptation(lag_s=0.117, threshold=1.55, most=6.1)
 
 
 @dataclass(frozen=True, slots=True)

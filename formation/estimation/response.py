@@ -216,7 +216,7 @@ def observe_tilt(z: VehicleEstimate, seen: bool, dt_s: float, settings: Observer
     forward, left, upward = thrust_axis(z.q_lab_from_flu)
     up = max(upward, UPWARD_LEAST)
     measured = (forward / up, left / up)
-    w = settings.tilt_bandwidth_rad_s * z.adaptive_gain**settings.adaptation.bandwidth_power
+    w = settings.tilt_bandwidth_rad_s * z.adaptive_gain
     for axis in range(2):
         if seen:
             z.tilt[axis], z.tilt_rate_1_s[axis] = rate_step(

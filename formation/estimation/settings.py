@@ -37,14 +37,13 @@ class ObserverGains:
 class Adaptation:
     """When observers of a vehicle that is only observed become faster: while the filtered innovation exceeds noise.
 
-    lag_s: of that filter; threshold: in units of what noise alone leaves in it. gain^bandwidth_power
-    multiplies the bandwidth; most = 1 switches it off. One gain serves all axes and the tilt.
+    lag_s: of that filter; threshold: in units of what noise alone leaves in it. The gain multiplies
+    the bandwidth; most = 1 switches it off. One serves all axes and the tilt.
     """
 
     lag_s: float = 0.05
     threshold: float = 3.0
     most: float = 1.0
-    bandwidth_power: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

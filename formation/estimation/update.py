@@ -223,7 +223,7 @@ def observe_axis(
     if seen:
         w = gains.bandwidth_rad_s * noise_bandwidth_factor(z, s)
         if s.commanded_index < 0:
-            w *= z.adaptive_gain**s.adaptation.bandwidth_power
+            w *= z.adaptive_gain
         elif axis == 2:
             w *= height_gain(z, measured, model, dt_s)
         z1, z2, z3 = fteso_step(z1, z2, z3, model, measured, dt_s, w, gains.alpha, gains.scale, gains.smooth)

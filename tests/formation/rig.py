@@ -24,7 +24,7 @@ def observer(gains: ObserverGains) -> Observer:
 
 
 def adaptive(gains: Adaptation) -> Adaptive:
-    return Adaptive(gains.lag_s, gains.threshold, gains.most, gains.bandwidth_power)
+    return Adaptive(gains.lag_s, gains.threshold, gains.most)
 
 
 def second(gains: Parallel) -> Second:

@@ -41,7 +41,7 @@ def preset_row(
         (15.0, -0.1, 0.004, 1.0), (8.0, -0.1, 0.02, 1.0),  # height, heading
         (12.0, -0.1, 0.004, 1.0), (20.0, -0.1, 0.004, 1.0), (2.4, -0.1, 0.01, 1.0),  # of a leader only observed
         shares, 18.0, 11.2, 2e-4, 1e-3,  # tilt filter, its decay, noise in m and rad
-        (0.117, 1.55, 6.1, 1.0), parallel, FAST_HEADING, follower_lead, leader_lead,
+        (0.117, 1.55, 6.1), parallel, FAST_HEADING, follower_lead, leader_lead,
     )))  # fmt: skip
 
 

@@ -28,12 +28,11 @@ class Observer:
 
 @dataclass(frozen=True)
 class Adaptive:
-    """The innovation-adaptive gain: filter, threshold in noise, bound, power, of observed vehicles."""
+    """The innovation-adaptive gain: filter, threshold in noise, bound, of observed vehicles."""
 
     lag_s: float
     threshold: float
     most: float
-    power: float
 
 
 @dataclass(frozen=True)
@@ -173,7 +172,7 @@ def update(
         if seen:
             w = gains.w * min(has.quiet_m / np.sqrt(k.noise_m2), 1.0) ** 0.35
             if not has.commanded:
-                w *= k.mu**has.adaptive.power
+                w *= k.mu
             elif axis == 2:
                 w *= height_gain(k, pos[2], model[2], dt)
             z = fteso_backward(z, pos[axis], model[axis], dt, w, gains.a, gains.e0, gains.smooth)
@@ -236,7 +235,7 @@ def _observed_force(k: Estimate, has: Traits, seen: bool, dt: float) -> None:
     """Of a vehicle that is only observed: tilt times gravity and its own rise, by an alpha-beta filter."""
     lift = max(G + k.dist[2], 0.0)
     z_b = k.r[:, 2]
-    w = has.tilt_w * k.mu**has.adaptive.power
+    w = has.tilt_w * k.mu
     if seen:
         pole = np.exp(-w * dt)
         ahead = k.tilt + dt * k.tilt_rate

@@ -43,7 +43,6 @@ from formation.vehicle.body import GRAVITY_M_S2
 
 NOISE_FIRST_M, NOISE_FIRST_RAD, ACCEL_NOISE_INITIAL_M_S2 = 2e-4, 1e-3, 0.3  # the first guess of each sensor's noise
 DIST_MAX_M_S2 = 14.0
-NOISE_POWER = 0.35
 LIFT_LEAST = 0.3  # of gravity: below it the thrust scale is not learned
 
 
@@ -205,8 +204,11 @@ def observe(
 
 @kernel
 def noise_bandwidth_factor(z: VehicleEstimate, s: ObserverSettings) -> float:
-    """Factor on bandwidths in more noise than they were made for."""
-    factor: float = min(s.quiet_m / sqrt(z.noise_var_m2), 1.0) ** NOISE_POWER
+    """Factor on bandwidths in more noise than they were made for: the cube root of how much more.
+
+    A Kalman filter of a position whose acceleration walks at random has w = (density of walk / of noise)^(1/6).
+    """
+    factor: float = min(s.quiet_m / sqrt(z.noise_var_m2), 1.0) ** (1.0 / 3.0)
     return factor
 
 

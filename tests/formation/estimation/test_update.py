@@ -41,9 +41,9 @@ def _with(gains: ObserverGains) -> tuple[float, float, float]:
 
 @pytest.mark.parametrize(("commanded_index", "axis", "noise_m", "gain", "w_rad_s"), [
     (0, 0, 1e-4, 1.0, 11.0),  # quieter than quiet_m: as it is
-    (0, 0, 8e-4, 1.0, 11.0 * 4.0**-0.35),  # four times the quiet noise
+    (0, 0, 8e-4, 1.0, 11.0 * 4.0 ** (-1.0 / 3.0)),  # four times the quiet noise
     (-1, 1, 2e-4, 3.0, 11.0 * 3.0),  # only observed: the adaptive gain
-    (0, 2, 8e-4, 3.0, 15.0 * 4.0**-0.35),  # a commanded vehicle's is not widened
+    (0, 2, 8e-4, 3.0, 15.0 * 4.0 ** (-1.0 / 3.0)),  # a commanded vehicle's is not widened
 ])  # fmt: skip
 def test_the_bandwidth_shrinks_with_noise_and_grows_with_the_adaptive_gain(
     commanded_index: int, axis: int, noise_m: float, gain: float, w_rad_s: float

@@ -170,7 +170,7 @@ def update(
         gains = has.horizontal if axis < 2 else has.vertical
         z = np.array([k.pos[axis], k.vel[axis], k.dist[axis]])
         if seen:
-            w = gains.w * min(has.quiet_m / np.sqrt(k.noise_m2), 1.0) ** 0.35
+            w = gains.w * min(has.quiet_m / np.sqrt(k.noise_m2), 1.0) ** (1.0 / 3.0)
             if not has.commanded:
                 w *= k.mu
             elif axis == 2:
@@ -282,7 +282,7 @@ def _both(k: Estimate, has: Traits, pos: np.ndarray, model: np.ndarray, dt: floa
     """A slow and a fast observer of x and y; the estimate goes from the one to the other by r^4 / (1 + r^4)."""
     gains, second = has.horizontal, has.second
     noise = np.sqrt(k.noise_m2)
-    calm = min(has.quiet_m / noise, 1.0) ** 0.35
+    calm = min(has.quiet_m / noise, 1.0) ** (1.0 / 3.0)
     states = np.array([k.pos[:2], k.vel[:2], k.dist[:2]]) - k.fast_weight * k.fast
     stepped = [
         np.transpose(

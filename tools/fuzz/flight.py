@@ -69,7 +69,11 @@ class Frames:
         self._mocap.reject_log.due(self._now_ns)
 
     def probe(self) -> str:
-        """Empty where sound frames are taken at once, and soon believed, whatever came before them."""
+        """Empty where sound frames are taken at once, and soon believed, whatever came before them; motors are off.
+
+        With its motors on, a body that has jumped in sight stays rejected: it lands.
+        """
+        self._mocap.note_motors(dict.fromkeys(self._bodies, False))
         self._now_ns += 25 * STEP_NS  # a stamp may be ahead by 20 ms: so long may it keep others out
         for k in range(RELEARN_FRAMES + 1):
             self._now_ns += STEP_NS

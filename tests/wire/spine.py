@@ -1,6 +1,7 @@
 """Random messages of the spine, one strategy a topic's type, and their bit-for-bit comparison."""
 
 import dataclasses
+from collections.abc import Sequence
 from enum import Enum
 from typing import Any, get_args, get_type_hints
 
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as stn
 
 from formation import topics
+from wire.columns import Column
 
 _INTS = st.integers(-(2**63), 2**63 - 1)
 
@@ -52,3 +54,25 @@ def assert_identical(ours: Any, theirs: Any) -> None:
         else:
             assert type(a) is type(b), field.name
             assert a == b, field.name
+
+
+def value_of(column: Column, k: int) -> Any:
+    if column.counts is None:
+        return column.values[k]
+    stop = int(column.counts[: k + 1].sum())
+    return column.values[stop - int(column.counts[k]) : stop]
+
+
+def assert_column(column: Column, messages: Sequence[Any], name: str) -> None:
+    """A column against its messages, bit for bit; single precision as double."""
+    for k, message in enumerate(messages):
+        ours, theirs = value_of(column, k), getattr(message, name)
+        if isinstance(theirs, bytes):
+            assert ours.tobytes() == theirs
+        elif isinstance(theirs, np.ndarray | float):
+            wanted = np.asarray(theirs)
+            assert ours.shape == wanted.shape, name
+            assert ours.astype(wanted.dtype).tobytes() == wanted.tobytes(), name
+        else:
+            assert ours == theirs, name
+            assert column.values.dtype != object or type(ours) is type(theirs), name

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from formation import messages as m
 from formation.maths.frames import IDENTITY
-from tests.wire.spine import SPINE
+from tests.wire.spine import SPINE, assert_column, value_of
 from wire.columns import Column, Gathered, Stacked, joined
 from wire.schema import SchemaError, Written, schema_of
 
@@ -24,28 +24,6 @@ def gathered(written: Written[Any], data: Sequence[bytes]) -> Gathered:
     whole = np.frombuffer(b"".join(data), np.uint8)
     found.receive(written, whole, np.arange(len(data)), np.cumsum(lengths) - lengths, lengths)
     return found
-
-
-def value_of(column: Column, k: int) -> Any:
-    if column.counts is None:
-        return column.values[k]
-    stop = int(column.counts[: k + 1].sum())
-    return column.values[stop - int(column.counts[k]) : stop]
-
-
-def assert_same(column: Column, messages: Sequence[Any], name: str) -> None:
-    """Bit for bit, single precision as double."""
-    for k, message in enumerate(messages):
-        ours, theirs = value_of(column, k), getattr(message, name)
-        if isinstance(theirs, bytes):
-            assert ours.tobytes() == theirs
-        elif isinstance(theirs, np.ndarray | float):
-            wanted = np.asarray(theirs)
-            assert ours.shape == wanted.shape, name
-            assert ours.astype(wanted.dtype).tobytes() == wanted.tobytes(), name
-        else:
-            assert ours == theirs, name
-            assert column.values.dtype != object or type(ours) is type(theirs), name
 
 
 def assert_both_ways(written: Written[Any], data: Sequence[bytes]) -> None:
@@ -61,7 +39,7 @@ def assert_both_ways(written: Written[Any], data: Sequence[bytes]) -> None:
     assert {place: str(error) for place, error in found.errors} == rejected
     assert places.tolist() == list(decoded)
     for name, column in columns.items():
-        assert_same(column, list(decoded.values()), name)
+        assert_column(column, list(decoded.values()), name)
 
 
 def lists(kind: type) -> st.SearchStrategy[list[Any]]:
@@ -77,7 +55,7 @@ def test_columns_hold_what_the_decoder_reads(kind):
     def check(messages):
         assert_both_ways(schema.own, [schema.encode(message) for message in messages])
         for name, column in Stacked(messages).items():
-            assert_same(column, messages, name)
+            assert_column(column, messages, name)
 
     check()
 

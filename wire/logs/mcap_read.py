@@ -210,13 +210,20 @@ class _Reader:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Block:
-    """The messages (M,) of our topics in a piece of a file. starts, lengths: where in `data` their own data are."""
+    """The messages (M,) of our topics in a piece of a file. starts, lengths: where in `data` their own data are;
+    ahead_ns: of dates to stamps."""
 
     data: bytes
     channels: NDArray[np.uint16]
-    t_ns: Index
+    unix_ns: NDArray[np.uint64]
     starts: Index
     lengths: Index
+    ahead_ns: int
+
+    @property
+    def t_ns(self) -> Index:
+        """The stamps (M,)."""
+        return self.unix_ns.astype(np.int64) - self.ahead_ns
 
 
 class _Reading:
@@ -296,8 +303,8 @@ class _Reading:
         heads, starts = heads[ours], starts[ours]
         if len(heads):
             lengths = heads["length"].astype(np.int64) - _FIXED
-            t_ns = heads["unix_ns"].astype(np.int64) - self._ahead_ns
-            yield _Block(data, heads["channel"], t_ns, starts + _MESSAGE.itemsize, lengths)
+            starts = starts + _MESSAGE.itemsize
+            yield _Block(data, heads["channel"], heads["unix_ns"], starts, lengths, self._ahead_ns)
 
 
 def _walk(pieces: Sequence[bytes], damage: Damage) -> list[int]:
@@ -341,11 +348,12 @@ def _gathered(
         indices = np.flatnonzero(block.channels[chosen] == channel)
         index = chosen[indices]
         gathered.receive(reader.written, data, indices, block.starts[index], block.lengths[index])
-    read, fields = gathered.columns()
+    read, columns = gathered.columns()
+    t_ns = block.t_ns
     for each, error in gathered.errors:
         index = chosen[each]
-        damage.note(f"{readers[int(block.channels[index])].topic.name} at {block.t_ns[index]}: {error}")
-    return TopicColumns(block.t_ns[chosen[read]], number + chosen[read], fields)
+        damage.note(f"{readers[int(block.channels[index])].topic.name} at {t_ns[index]}: {error}")
+    return TopicColumns(t_ns[chosen[read]], number + chosen[read], columns)
 
 
 def _entries(path: Path, damage: Damage, wanted: Collection[Topic]) -> Iterator[Stored]:
@@ -354,10 +362,10 @@ def _entries(path: Path, damage: Damage, wanted: Collection[Topic]) -> Iterator[
     for block in reading.blocks():
         readers, data = reading.of(wanted), block.data
         chosen = np.isin(block.channels, list(readers))
-        columns = (column[chosen].tolist() for column in (block.channels, block.t_ns, block.starts, block.lengths))
-        for channel, t_ns, start, length in zip(*columns, strict=True):
+        columns = (column[chosen].tolist() for column in (block.channels, block.unix_ns, block.starts, block.lengths))
+        for channel, unix_ns, start, length in zip(*columns, strict=True):
             reader = readers[channel]
-            yield Stored(reader.topic, t_ns, data[start : start + length], reader.written)
+            yield Stored(reader.topic, unix_ns - block.ahead_ns, data[start : start + length], reader.written)
 
 
 def lab_of(metadata: Mapping[str, str]) -> "LabConfig | None":

@@ -1,5 +1,6 @@
 """The flight recorder: what is written comes back, from whole, truncated, damaged and killed files."""
 
+import dataclasses
 import errno
 import signal
 import subprocess
@@ -19,8 +20,8 @@ from formation import messages as m
 from formation import topics
 from tests.wire import flight as wire_flight
 from tests.wire.flight import check_log
-from tests.wire.spine import SPINE, assert_identical
-from wire.logs.mcap_read import read_log
+from tests.wire.spine import SPINE, assert_column, assert_identical
+from wire.logs.mcap_read import read_columns, read_log
 from wire.logs.mcap_scan import LogError
 from wire.logs.mcap_write import LogWriter
 
@@ -78,6 +79,11 @@ def test_every_topic_is_recorded_bit_for_bit(tmp_path, messages, t_ns):
     read = entries_of(path)
     assert_prefix(read, [(topic.name, t_ns, message) for topic, message in zip(RECORDED, messages, strict=True)])
     assert len(read) == len(messages)
+    names = {topic: [field.name for field in dataclasses.fields(topic.type)] for topic in RECORDED}
+    found = read_columns(path, names).topics
+    for topic, message in zip(RECORDED, messages, strict=True):
+        for name in names[topic]:
+            assert_column(found[topic].fields[name], [message], name)
 
 
 def test_the_mcap_librarys_own_reader_agrees(flight):

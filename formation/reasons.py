@@ -61,6 +61,7 @@ class Reason(Enum):
     LEADER_UNSEEN = "{}: no fresh pose, there is nothing to form on"
     SLOT_OUTSIDE = "{}: its slot would be outside the fence, {}"
     LEADER_OUTSIDE = "{}: it would be outside the fence, {}"
+    LED_HOME = "the drones are led home: hold first"
     NO_START = "{}: where it took off is not known"
     NO_SHAPE = "{}"
     NO_TRANSITION = "{}"

@@ -103,6 +103,11 @@ class Flight:
                 self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.EXCLUDED, subject=body))
 
     @property
+    def is_led_home(self) -> bool:
+        """Whether the drones are led to where they took off, or are there."""
+        return self._home is not None
+
+    @property
     def excluded(self) -> tuple[str, ...]:
         """The drones that take no part in the flight, by body."""
         return tuple(drone.link.name for drone in self._drones if drone.excluded)

@@ -220,6 +220,12 @@ def leader_seen_in_formation(now: Situation) -> Iterator[Reject]:
         yield from leader_seen(now)
 
 
+def not_led_home(now: Situation) -> Iterator[Reject]:
+    """The drones are not on their way to where they took off, in the shape in which they stood."""
+    if now.flight.is_led_home:
+        yield Reason.LED_HOME.of()
+
+
 def all_stopped(now: Situation) -> Iterator[Reject]:
     """Every drone is heard and disarmed."""
     for drone in now.drones:
@@ -257,7 +263,7 @@ CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
         Verb.RESET: (all_stopped,),
         Verb.EXCLUDE: (),
         Verb.INCLUDE: (),
-        Verb.SHAPE: (leader_seen_in_formation,),
+        Verb.SHAPE: (leader_seen_in_formation, not_led_home),
         Verb.TRAJECTORY: (leader_commanded,),
     }
 )  # fmt: skip

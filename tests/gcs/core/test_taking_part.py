@@ -253,6 +253,9 @@ def test_home_from_a_hold_forms_first(flying: FakeLab) -> None:
     flying.run(5.0)
     assert (flying.phase, flying.state.shape) == (Phase.FORMATION, "home")
     assert not flying.state.trajectory_started
+    assert reasons(flying, Verb.SHAPE, "line") == [Reason.LED_HOME]
+    flying.command(Verb.HOLD, Phase.HOLD)
+    accepted(flying, Verb.SHAPE, "line")
 
 
 def test_no_home_without_a_start_of_this_ground_or_a_leader_of_its_own() -> None:

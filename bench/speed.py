@@ -60,7 +60,7 @@ ROWS = (
     ),
     gcs_log("check", "Python's start, a third; then as load, and each message's tags are compared"),
     gcs_log("report", "matplotlib's pictures, three quarters", "--out", "report.html"),
-    gcs_log("replay", "the ground's core, two thirds"),
+    gcs_log("replay", "the ground's core, three quarters"),
 )
 """Add a row here; its command may read the folder's files, and write beside them."""
 

@@ -2,8 +2,8 @@
 
 *Innovation.* A body's own gravity direction needs no camera. A constant difference is the tilt of the marker frame. One
 that grows while the drone turns is a delay which no stamp shows and the controller cannot know.
-*Level bias.* The constant difference is the autopilot's, too, as PX4's half a degree. The last of the limits takes it
-out of the targets. Pure: no frames, no clock.
+*Level bias.* A difference that changes slowly is the autopilot's, as PX4's half a degree. The last of the limits takes
+it out of the targets. Pure: no frames, no clock.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ MOST_RAD = 0.05
 GAP_S = 0.2
 FRAMES_MAX = 64
 BRACKET_NS = 60_000_000
-LEVEL_BIAS_MAX_RAD = 0.05
+LEVEL_BIAS_LAG_S, LEVEL_BIAS_MIN_RAD, LEVEL_BIAS_MAX_RAD = 0.15, 2e-3, 0.05
 NEVER_NS = -(10**18)
 Ints = NDArray[np.int64]
 
@@ -35,7 +35,7 @@ class Compared:
     """One body. A tilt (2) is gravity's direction in the body's axes, x and y; each with its time, our clock.
 
     pending: its own, newest, compared when the next has come: the cameras are slower. own: compared last. miss2, rate2:
-    mean squares of late of what is missed and of the rate. bias: the lasting difference.
+    mean squares of late of what is missed and of the rate. marker_bias, level_bias: differences of late, slow and fast.
     """
 
     pending_ns: int
@@ -43,7 +43,8 @@ class Compared:
     own_ns: int
     own: Vec2
     begun: bool
-    bias: Vec2
+    marker_bias: Vec2
+    level_bias: Vec2
     miss2: float
     rate2: float
 
@@ -74,7 +75,7 @@ class AttitudeMonitor:
     def level_bias_rad(self, bodies: Ints) -> Float:
         """Gravity's direction in the x and y axes of these bodies (m), by the mocap less by themselves (m, 2).
 
-        At most LEVEL_BIAS_MAX_RAD; what the clocks' doubt can explain is left out.
+        At most LEVEL_BIAS_MAX_RAD; what noise and the clocks' doubt can explain is left out.
         """
         significant: Float = self._significant_bias_rad[bodies]
         return significant
@@ -120,11 +121,13 @@ def _compare(
 @kernel
 def _update(body: Compared, off_x: float, off_y: float, rate2: float, dt_s: float) -> float:
     """The body's innovation once it differs by so much, dt_s after the last time, turning so fast (squared)."""
-    slow, share, miss2 = 1.0 - exp(-dt_s / BIAS_LAG_S), 1.0 - exp(-dt_s / LAG_S), 0.0
+    slow, fast = 1.0 - exp(-dt_s / BIAS_LAG_S), 1.0 - exp(-dt_s / LEVEL_BIAS_LAG_S)
+    share, miss2 = 1.0 - exp(-dt_s / LAG_S), 0.0
     for axis, off in enumerate((off_x, off_y)):
-        bias = body.bias[axis] if body.begun else _bounded(off)
+        bias = body.marker_bias[axis] if body.begun else _bounded(off)
         miss2 += (off - bias) * (off - bias)
-        body.bias[axis] = _bounded(bias + slow * (off - bias))
+        body.marker_bias[axis] = _bounded(bias + slow * (off - bias))
+        body.level_bias[axis] += fast * (off - body.level_bias[axis])
     body.begun = True
     body.miss2 += share * (miss2 - body.miss2)
     body.rate2 += share * (rate2 - body.rate2)
@@ -133,10 +136,10 @@ def _update(body: Compared, off_x: float, off_y: float, rate2: float, dt_s: floa
 
 @kernel
 def _significant(body: Compared, out: Float) -> None:
-    """The level bias (2), less what the clocks' doubt can explain."""
-    x, y = body.bias[0], body.bias[1]
+    """The level bias (2), less what noise and the clocks' doubt can explain."""
+    x, y = body.level_bias[0], body.level_bias[1]
     bias_rad, doubt_rad = sqrt(x * x + y * y), CLOCK_DOUBT_S * sqrt(body.rate2)
-    significant_rad = min(bias_rad - doubt_rad, LEVEL_BIAS_MAX_RAD)
+    significant_rad = min(bias_rad - max(LEVEL_BIAS_MIN_RAD, doubt_rad), LEVEL_BIAS_MAX_RAD)
     share = significant_rad / bias_rad if significant_rad > 0.0 else 0.0
     out[0], out[1] = share * x, share * y
 

@@ -20,7 +20,7 @@ def test_a_roll_to_the_left_shows_gravity_to_its_side_and_who_is_not_seen_shows_
 
 
 def test_bodies_are_compared_each_with_its_own_whatever_the_order_of_their_attitudes() -> None:
-    """The second leans by 0.02 rad about x: 0.02 along y; the first not."""
+    """The second leans by 0.02 rad about x: 0.02 along y, less two milliradians of doubt; the first not."""
     monitor, which = AttitudeMonitor(2), np.array([0, 1])
     lean = np.array([np.cos(0.01), np.sin(0.01), 0.0, 0.0])
     for k in range(200):
@@ -29,7 +29,7 @@ def test_bodies_are_compared_each_with_its_own_whatever_the_order_of_their_attit
         order = which if k % 3 else which[::-1]
         monitor.receive_attitudes(order, np.full(2, stamp_ns), np.array([level[0], lean])[order])
     assert monitor.level_bias_rad(which)[0].tolist() == [0.0, 0.0]
-    assert monitor.level_bias_rad(which)[1] == pytest.approx([0.0, -np.sin(0.02)], abs=1e-6)
+    assert monitor.level_bias_rad(which)[1] == pytest.approx([0.0, -(np.sin(0.02) - 2e-3)], abs=1e-6)
 
 
 def receive(monitor: AttitudeMonitor, t_ns: int, q_lab_from_flu: np.ndarray) -> None:
@@ -110,18 +110,19 @@ def leaning(lean: np.ndarray, wanted: np.ndarray, sway_rad: float = 0.0, clock_s
 
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-0.6, 0.8, 0.0)])
 def test_the_target_of_a_drone_with_a_level_bias_is_corrected_by_it(axis):
-    """It takes a true attitude q for L q, so that told L q it flies q."""
+    """It takes a true attitude q for L q, so that told L q it flies q; two milliradians of it are left to noise."""
     lean = frames.from_rotation_vector(0.02 * np.array(axis))
     for yaw_rad in (0.0, 2.0):
         wanted = frames.multiply(frames.from_yaw(np.array(yaw_rad)), frames.from_rotation_vector(np.array([0.1, 0, 0])))
         flown = frames.multiply(frames.inverse(lean), leaning(lean, wanted))
         off = frames.multiply(frames.inverse(wanted), flown)
-        assert 2.0 * np.linalg.norm(off[1:3]) < 0.001
+        assert 2.0 * np.linalg.norm(off[1:3]) < 0.003
 
 
 def test_the_target_of_a_drone_without_level_bias_is_unchanged_to_the_bit():
     wanted = frames.from_rotation_vector(np.array([0.1, -0.2, 0.3]))
     assert np.array_equal(leaning(frames.IDENTITY, wanted), wanted)
+    assert np.array_equal(leaning(frames.from_rotation_vector(np.array([0.0015, 0.0, 0.0])), wanted), wanted)
 
 
 def test_what_clocks_make_of_a_turn_is_no_level_bias():

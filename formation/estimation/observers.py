@@ -32,7 +32,7 @@ known (formation.control.margin).
 
 *Rate* of Z3 along x and y: how far Z3 is from its low-pass, over that filter's lag, by the weight of the fast observer.
 A command answers the push of the time when it takes effect, and till then the push goes on at this rate, which decays
-(formation.control.prediction).
+(formation.control.prediction). After a change of sides it does not count until that is forgotten.
 """
 
 from math import exp, pi, sqrt
@@ -58,6 +58,7 @@ REMEMBERED = 84.0  # time constants of the fast observer, for which a change of 
 REVERSALS, SIGN_LEAST = 2.0, 0.5  # a swing's least; share of noise for a sign
 PUSH_MOST_M_S2 = 14.0  # as much as Z3 may be
 RATE_LAG = 5.0  # of the filter that the rate of Z3 comes from, in time constants of the fast observer
+RATE_REVERSALS = 0.5  # changes of side of late, with which it counts by half
 
 
 @kernel
@@ -295,9 +296,14 @@ def follow_disturbance(z: VehicleEstimate, dt_s: float, settings: ObserverSettin
 
 @kernel
 def disturbance_rate(z: VehicleEstimate, axis: int, settings: ObserverSettings) -> float:
-    """Rate of Z3 along x or y, m/s^3, by the weight of the fast observer: in calm air it is noise."""
+    """Rate of Z3 along x or y, m/s^3, by the weight of the fast observer: in calm air it is noise.
+
+    It counts for a push that comes out of calm. One that has changed sides of late may be a swing, which it would feed.
+    """
+    reversals = z.reversals[axis] / RATE_REVERSALS
+    weight = z.fast_weight * (1.0 - blending_weight(reversals * reversals))
     lag_1_s = settings.parallel.bandwidth_rad_s / RATE_LAG
-    rate: float = z.fast_weight * lag_1_s * (z.dist_lab_m_s2[axis] - z.dist_late_lab_m_s2[axis])
+    rate: float = weight * lag_1_s * (z.dist_lab_m_s2[axis] - z.dist_late_lab_m_s2[axis])
     return rate
 
 

@@ -348,8 +348,9 @@ def _heading(k: Estimate, has: Traits, seen: bool, dt: float, turn: float) -> No
 
 
 def dist_rate(k: Estimate, has: Traits) -> np.ndarray:
-    """Of a push that the fast observer sees, along x and y."""
-    return np.append(k.fast_weight * has.second.w / 5.0 * (k.dist[:2] - k.dist_late), 0.0)
+    """Of a push that the fast observer sees, along x and y, and that has not changed sides of late."""
+    weight = k.fast_weight / (1.0 + (k.turns / 0.5) ** 8)
+    return np.append(weight * has.second.w / 5.0 * (k.dist[:2] - k.dist_late), 0.0)
 
 
 def dist_after(k: Estimate, has: Traits, h: float) -> np.ndarray:

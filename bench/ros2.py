@@ -38,6 +38,7 @@ from wire.process.system import python_command
 from wire.ros2.node import Graph, Node
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
+from wire.transport.zenoh_session import zenoh_config
 
 DOMAIN, BACK = 42, "/back/pose"
 SETTLE_S = 2.0
@@ -102,10 +103,7 @@ def endless(entries: list[Entry]) -> Iterator[tuple[int, Entry]]:
 
 def opened(mode: str, where: str, endpoint: str) -> zenoh.Session:
     """A Zenoh session: the graph's router, or a client of it."""
-    config = zenoh.Config()
-    for key, value in {"mode": mode, where: [endpoint], "scouting/multicast/enabled": False}.items():
-        config.insert_json5(key, json.dumps(value))
-    return zenoh.open(config)
+    return zenoh.open(zenoh_config({"mode": mode, where: [endpoint], "scouting/multicast/enabled": False}))
 
 
 def cpu_s(pid: int) -> float:

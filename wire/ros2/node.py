@@ -8,7 +8,6 @@ Attached to each message are its number, its time and its publisher's gid. The s
 """
 
 import asyncio
-import json
 import struct
 from collections.abc import Callable
 from contextlib import suppress
@@ -23,6 +22,7 @@ from wire.errors import BusError
 from wire.ros2.message_types import CdrError, MessageType, Values, message_type
 from wire.transport.link import LinkCounters
 from wire.transport.zenoh_bus import LARGEST_PAYLOAD, Inbox
+from wire.transport.zenoh_session import zenoh_config
 
 _ATTACHED = struct.Struct("<qqB16s")
 _GID_BYTES = 16
@@ -199,7 +199,7 @@ def _bytes(data: zenoh.ZBytes | None) -> bytes:
 
 
 def _configuration(router: str) -> zenoh.Config:
-    values: dict[str, object] = {
+    values = {
         "mode": "client",
         "connect/endpoints": [router],
         "connect/timeout_ms": _CONNECT_MS,
@@ -207,7 +207,4 @@ def _configuration(router: str) -> zenoh.Config:
         "scouting/multicast/enabled": False,
         "transport/shared_memory/enabled": False,
     }
-    result = zenoh.Config()
-    for key, value in values.items():
-        result.insert_json5(key, json.dumps(value))
-    return result
+    return zenoh_config(values)

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from threading import Event, Thread
 
@@ -191,6 +191,11 @@ def _configuration(listen: Sequence[str], connect: Sequence[str], access: BusAcc
         "transport/link/tx/queue/size/real_time": _QUEUED_BATCHES,
         **access.configuration(),
     }
+    return zenoh_config(values)
+
+
+def zenoh_config(values: Mapping[str, object]) -> zenoh.Config:
+    """Zenoh's configuration with these values, by the paths of their keys."""
     result = zenoh.Config()
     for key, value in values.items():
         result.insert_json5(key, json.dumps(value))

@@ -1,7 +1,6 @@
 """A ROS 2 graph in a box: its router, and a node that publishes poses as vrpn_mocap or motion_capture_tracking does."""
 
 import asyncio
-import json
 from collections.abc import Iterator
 
 import zenoh
@@ -12,6 +11,7 @@ from mocap.sources.ros2 import ARRAY
 from sim.cameras.servers.server import Server, ServerClock
 from wire.ros2.message_types import Values, ros_name
 from wire.ros2.node import Graph, Node, Publisher
+from wire.transport.zenoh_session import zenoh_config
 
 WORLD = "world"
 SINGLE = "geometry_msgs/msg/PoseStamped"
@@ -33,15 +33,8 @@ class Ros2Server:
 
     async def start(self) -> None:
         """Listen; OSError where the address is taken."""
-        config = zenoh.Config()
         endpoint = f"tcp/{self._ros2.host}:{self._ros2.port}"
-        values = {
-            "mode": "router",
-            "listen/endpoints": [endpoint],
-            "scouting/multicast/enabled": False,
-        }
-        for key, value in values.items():
-            config.insert_json5(key, json.dumps(value))
+        config = zenoh_config({"mode": "router", "listen/endpoints": [endpoint], "scouting/multicast/enabled": False})
         try:
             session = await asyncio.to_thread(zenoh.open, config)
         except zenoh.ZError as error:

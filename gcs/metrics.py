@@ -82,16 +82,16 @@ async def run(
     registry.register(metrics)
     host, port = where
     server, thread = start_http_server(port, host, registry)
+    ground = Precondition(f"ground {name!r}", lambda: metrics.state is not None, GROUND_REMEDY)
+    missing = asyncio.create_task(report_missing("metrics", [ground], report))
     try:
         bus = await ZenohBus.open(link.joined, lab, protection=protection)
         try:
             bus.on_state(name, metrics.receive)
-            ground = Precondition(f"ground {name!r}", lambda: metrics.state is not None, GROUND_REMEDY)
-            missing = asyncio.create_task(report_missing("metrics", [ground], report))
             await stop.wait()
-            missing.cancel()
         finally:
             await bus.close()
     finally:
+        missing.cancel()
         server.shutdown()
         thread.join()

@@ -304,6 +304,7 @@ class GcsCore:
                 )
             )
             return [OperatorReply(request.id, False, text, tuple(reject.reason.code for reject in reasons))]
+        self._flight.report_excluded(excluded)
         self._execute(request, now_ns)
         if request.verb is Verb.ARM:
             self._arming_request = request.id
@@ -332,7 +333,7 @@ class GcsCore:
             self._flight.events.append(ACKNOWLEDGED)
         elif down:
             self._flight.pull(Trigger.LAND, Cause.LANDS_ITSELF, down, now_ns)
-        elif verb is not Verb.SHAPE and verb not in CHANGES_NO_PHASE and not (verb is Verb.LAND and request.argument):
+        elif verb not in CHANGES_NO_PHASE and not (verb is Verb.LAND and request.argument):
             self._flight.pull(Trigger(verb.value), Cause.OPERATOR, f"operator: {verb}", now_ns)
             if verb is Verb.ARM and self._flight.excluded:
                 self._stack = self._fresh_stack()  # who was left out and is out of sight is not kept clear of

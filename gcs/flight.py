@@ -85,11 +85,15 @@ class Flight:
         self._descent: Descent | None = None
 
     def exclude_only(self, excluded: Collection[str]) -> None:
-        """Leave out these drones, by body, and no others."""
+        """Leave out these drones, by body, and no others; `report_excluded` says so once nothing stands against it."""
         for drone in self._drones:
-            if drone.excluded != (drone.link.name in excluded):
-                drone.excluded = not drone.excluded
-                name = drone.link.name
+            drone.excluded = drone.link.name in excluded
+
+    def report_excluded(self, before: Collection[str]) -> None:
+        """Report who is left out now, or is not any more. before: the bodies that were."""
+        for drone in self._drones:
+            name = drone.link.name
+            if drone.excluded != (name in before):
                 text = f"{name} is left out" if drone.excluded else f"{name} takes part again"
                 self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.EXCLUDED, subject=name))
 

@@ -52,6 +52,7 @@ def test_arm_names_who_flies_and_changes_nothing_where_it_is_refused(lab: FakeLa
     lab.run(0.5)
     assert Reason.NO_POSE in reasons(lab, Verb.ARM, "lead,right")
     assert not any(drone.excluded for drone in lab.state.drones)
+    assert ("excluded", "left") not in lab.reported
     lab.hidden.remove("right")
     lab.run(0.5)
     lab.ask(Verb.ARM, "lead,right")

@@ -168,6 +168,7 @@ async def _play(entries: list[Entry], count: int, bus: ZenohBus, publisher: Any,
             number = next(frames)
             mocap.publish_frame(replace(message, seq=number, t_capture_ns=now_ns - AGE_NS, t_receive_ns=now_ns))
             publisher.publish(PoseStamped())
+            await asyncio.sleep(0)  # what comes back is taken, however late the frames are
             seen += bool(message.seen[-1])
             if number == count:
                 return seen

@@ -6,7 +6,6 @@ around it: margins, warm-up, the terminal, exit codes.
 """
 
 import asyncio
-import gc
 import json
 import os
 import signal
@@ -382,8 +381,6 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
     loop.set_exception_handler(lambda _, context: fail(context.get("exception") or GroundFailure(context["message"])))
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, on_signal)
-    gc.collect()
-    gc.freeze()  # what start-up made lives as long as the process: collections in flight need not look at it
     mocap = MocapBus(bus, clock)
     mocap.on_event(ground.receive_mocap_event)  # before frames: who is sent those is known to listen to events by then
     if config.mocap.source != "mavlink":  # there the drones' links bring the poses

@@ -4,7 +4,6 @@ A process of its own, so that poses reach the drones whatever becomes of the gro
 """
 
 import asyncio
-import gc
 import json
 import sys
 from collections import deque
@@ -212,8 +211,6 @@ async def run(
         mocap_bus.announce(configuration_name(config))
         notify(READY)
         bus.on_state(ground, mocap.receive_ground_state)
-        gc.collect()
-        gc.freeze()  # what start-up made lives as long as the process: collections between frames need not look at it
         awaited = (
             bus_at(config.link.joined.zenoh_connect, lambda: bus.is_joined, GROUND_REMEDY),
             Precondition(f"frames of source {config.mocap.source!r}", lambda: mocap.has_frame, _remedy(config)),

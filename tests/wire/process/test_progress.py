@@ -23,6 +23,7 @@ def thrice(x: float) -> float:
     return 3.0 * x
 """
 WARMED = """
+import gc
 import os
 import sys
 from pathlib import Path
@@ -44,6 +45,7 @@ def failing() -> None:
 if __name__ == "__main__":
     compile_all("program", own, sys.stderr, beside=globals()[sys.argv[1]])
     assert kernels.twice(2.0) == 4.0
+    assert len(gc.get_objects()) < 2_000, "a collection in flight would look at all that start-up has made"
 """
 
 

@@ -61,6 +61,8 @@ class Reason(Enum):
     LEADER_UNSEEN = "{}: no fresh pose, there is nothing to form on"
     SLOT_OUTSIDE = "{}: its slot would be outside the fence, {}"
     LEADER_OUTSIDE = "{}: it would be outside the fence, {}"
+    NOT_INTERRUPTED = "no trajectory was interrupted by a hold: start"
+    NO_TIME = "the time to begin is past, or more than an hour ahead"
     LED_HOME = "the drones are led home: hold first"
     NO_START = "{}: where it took off is not known"
     NO_SHAPE = "{}"

@@ -22,6 +22,7 @@ class Verb(StrEnum):
     TAKE_CONTROL = "take_control"
     TAKEOFF = "takeoff"
     START = "start"
+    RESUME = "resume"
     HOME = "home"
     HOLD = "hold"
     LAND = "land"

@@ -18,6 +18,7 @@ import uvloop
 import zenoh
 
 from formation import topics
+from formation.clock_pair import ClockPair
 from formation.config import LabConfig, LinkConfig, VehicleBody
 from formation.exposure import GROUND
 from formation.messages import (
@@ -152,6 +153,8 @@ class Ground:
         self._state_ns = None
         asked_id = request.id
         self._pending_replies[self._request_id] = lambda answer: reply(replace(answer, id=asked_id))
+        if request.verb is Verb.START:
+            request = replace(request, argument=on_own_clock(request.argument, self._clock.pair()))
         self._input(replace(request, id=self._request_id), now_ns)
         self._tick(now_ns)
 
@@ -312,6 +315,11 @@ class RunResult:
     timing: Timing
     lost_records: int
     not_landed: tuple[str, ...]
+
+
+def on_own_clock(date: str, pair: ClockPair) -> str:
+    """A date, ns since 1970, on the clock of that pair; what is none stays as it is, and is rejected."""
+    return str(int(date) - pair.ahead_ns) if date.isascii() and date.isdigit() and len(date) < 20 else date
 
 
 async def run(

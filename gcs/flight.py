@@ -57,7 +57,8 @@ class Flight:
 
     armed: in ARMED, whether every drone has reported off-board and armed. trajectory: the leader's, as last begun at
     trajectory_start_ns, from x, y, z, heading trajectory_from (4). trajectory_name: of the one that is flown next, or
-    now; config: the lab with that one, lab: as it was given.
+    now; config: the lab with that one, lab: as it was given. interrupted_s: how far along it a hold came, from where it
+    goes on if it is resumed; begin_ns: when it is to begin, if that was asked for.
     """
 
     def __init__(self, config: LabConfig, drones: tuple[Drone, ...], t0_ns: int) -> None:
@@ -71,6 +72,8 @@ class Flight:
         self.trajectory_start_ns: int | None = None
         self.trajectory: Trajectory | None = None
         self.trajectory_from: Float | None = None
+        self.interrupted_s: float | None = None
+        self.begin_ns: int | None = None
         self.armed = False
         self.start_yaw_rad = 0.0
         """The leader's heading as it took off."""
@@ -129,11 +132,12 @@ class Flight:
     def plan(self) -> Plan:
         """The plan for the control now; a drone without setpoints is not led, and all others keep clear of it."""
         setpoints = tuple(drone.setpoint if drone.flown else IDLE for drone in self._drones)
-        return Plan(setpoints, self.shape, self.trajectory_start_ns, self.rise_m, self.trajectory_name)
+        resumes = self.interrupted_s is not None
+        return Plan(setpoints, self.shape, self.trajectory_start_ns, self.rise_m, self.trajectory_name, resumes)
 
     def choose(self, trajectory: str, about: str) -> None:
         """Have the leader fly that one of the lab's trajectories when it is started next; about: it in words."""
-        self.trajectory_name, self.config = trajectory, self.lab.flying(trajectory)
+        self.trajectory_name, self.config, self.interrupted_s = trajectory, self.lab.flying(trajectory), None
         self.events.append(
             Event(Severity.NOTICE, "flight", f"trajectory {trajectory}: {about}", code=EventCode.TRAJECTORY)
         )
@@ -171,6 +175,12 @@ class Flight:
         self.trajectory_start_ns, self._settled_since_ns = None, None
         self.change_formation(transition)
         self._drones[0].setpoint = hold_setpoint(self.config.flight.formation_change_m_s)
+
+    def resume(self, now_ns: int) -> None:
+        """Take up the formation, and have the leader go on along its trajectory where a hold interrupted it."""
+        interrupted_s = self.interrupted_s
+        self.pull(Trigger.START, Cause.OPERATOR, "operator: resume", now_ns)
+        self.interrupted_s = interrupted_s
 
     def first_to_disarm(self, now_ns: int) -> tuple[str, float] | None:
         """Whose own time-out ends first for want of a take-off, and in how many seconds; None where nobody's runs."""
@@ -244,6 +254,12 @@ class Flight:
     def _enter(self, phase: Phase, code: Cause, cause: str, now_ns: int) -> None:
         before, self.phase, self.entered_ns = self.phase, phase, now_ns
         self.cause, self.cause_code = cause, code
+        if phase is not Phase.FORMATION:
+            self.begin_ns = None
+        if phase is not Phase.HOLD:
+            self.interrupted_s = None
+        elif self.trajectory_start_ns is not None and not self.trajectory_done(now_ns):
+            self.interrupted_s = self.trajectory_progress(now_ns)[1]
         self.trajectory_start_ns, self._settled_since_ns, self._spots, self._descent = None, None, None, None
         self.armed, self._too_late = False, False
         if self._home is not None and phase is not Phase.FORMATION:
@@ -347,10 +363,24 @@ class Flight:
             self._settled_since_ns = now_ns
         elif self._home is not None and now_ns - self._settled_since_ns >= SETTLE_NS:
             self._lead_home(stages, self._home)
-        elif now_ns - self._settled_since_ns >= SETTLE_NS:
-            self.trajectory_start_ns = now_ns
-            self.trajectory_from = np.array([*stages.state.pos_lab_m[0], stages.state.yaw_rad[0]])
-            self.trajectory = trajectory_from(self.config, self.trajectory_from)
+        elif now_ns >= max(self._settled_since_ns + SETTLE_NS, self.begin_ns or 0):
+            self._begin_trajectory(stages, self._settled_since_ns + SETTLE_NS, now_ns)
+
+    def _begin_trajectory(self, stages: Stages, settled_ns: int, now_ns: int) -> None:
+        """Begin it now, resume it where it was interrupted, or have it begun at the time that was asked for."""
+        if self.interrupted_s is not None:
+            self.trajectory_start_ns = now_ns - round(self.interrupted_s * 1e9)
+            return
+        self.trajectory_start_ns = now_ns
+        if self.begin_ns is not None and settled_ns <= self.begin_ns:
+            self.trajectory_start_ns = self.begin_ns
+        elif self.begin_ns is not None:
+            text = (
+                f"the trajectory begins {(now_ns - self.begin_ns) * 1e-9:.1f} s late: not every slot was taken in time"
+            )
+            self.events.append(Event(Severity.WARNING, "flight", text, code=EventCode.TRAJECTORY))
+        self.trajectory_from = np.array([*stages.state.pos_lab_m[0], stages.state.yaw_rad[0]])
+        self.trajectory = trajectory_from(self.config, self.trajectory_from)
 
     def _lead_home(self, stages: Stages, home: Home) -> None:
         """Lead the leader to above where it took off, in the heading that it had."""

@@ -24,6 +24,7 @@ from gcs.landing import free_spot
 
 TRACKING_M = 0.02  # by so much together two followers may miss their references before the separation filter is asked
 INSET_M = 0.2
+WAITED_NS = 3_600_000_000_000
 SAMPLES = 200  # along the leader's path; a sample takes 15 us of a tick
 
 
@@ -36,7 +37,9 @@ def ask(
     """
     match request.verb:
         case Verb.START if stages is not None:
-            return start(flight, stages)
+            return start(request.argument, flight, stages, now_ns)
+        case Verb.RESUME if stages is not None:
+            return resume(flight, stages, now_ns)
         case Verb.SHAPE:
             return change(request.argument, flight, facts, stages, now_ns)
         case Verb.TRAJECTORY:
@@ -118,10 +121,33 @@ def leave(body: str, flight: Flight, stages: Stages | None, now_ns: int) -> tupl
     return ()
 
 
-def start(flight: Flight, stages: Stages) -> tuple[Reject, ...]:
-    """Form the flight's shape about the leader, or return why not: shape or transition would leave the fence."""
+def start(at: str, flight: Flight, stages: Stages, now_ns: int) -> tuple[Reject, ...]:
+    """Form the flight's shape about the leader, or return why not: shape or transition would leave the fence.
+
+    at: when the leader's trajectory is to begin, ns of the ground's clock; empty: as soon as all slots are taken.
+    """
+    if at and flight.config.leader.sysid is None:
+        return (Reason.LEADER_OBSERVED.of(flight.config.leader.body),)
+    if at and not (at.isascii() and at.isdigit() and len(at) < 20 and now_ns < int(at) < now_ns + WAITED_NS):
+        return (Reason.NO_TIME.of(),)
+    reasons = _form(flight, stages, None, 0.0)
+    if at and not reasons:
+        flight.begin_ns = int(at)
+    return reasons
+
+
+def resume(flight: Flight, stages: Stages, now_ns: int) -> tuple[Reject, ...]:
+    """Go on along the leader's trajectory where a hold interrupted it, or return why not."""
+    reasons = _form(flight, stages, flight.trajectory, flight.interrupted_s or 0.0)
+    if not reasons:
+        flight.resume(now_ns)
+    return reasons
+
+
+def _form(flight: Flight, stages: Stages, path: Trajectory | None, path_s: float) -> tuple[Reject, ...]:
+    """Set out for the slots of the flight's shape, on what is left of that path; or return why not."""
     config = flight.config
-    ahead = foreseen(flight.shape, _leader_pose(stages), None, 0.0, config)
+    ahead = foreseen(flight.shape, _leader_pose(stages), path, path_s, config)
     outside = leader_path_reject_reasons(ahead, config) + slot_reject_reasons(ahead, config)
     return outside or _set_out(flight.shape, flight, stages, config)
 

@@ -220,6 +220,12 @@ def leader_seen_in_formation(now: Situation) -> Iterator[Reject]:
         yield from leader_seen(now)
 
 
+def interrupted(now: Situation) -> Iterator[Reject]:
+    """A hold has interrupted the leader's trajectory."""
+    if now.flight.interrupted_s is None:
+        yield Reason.NOT_INTERRUPTED.of()
+
+
 def not_led_home(now: Situation) -> Iterator[Reject]:
     """The drones are not on their way to where they took off, in the shape in which they stood."""
     if now.flight.is_led_home:
@@ -256,6 +262,7 @@ CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
         Verb.TAKE_CONTROL: (armed_drones_controllable, no_other_ground),
         Verb.TAKEOFF: (bodies_ready, autopilots_ready, all_armed, time_to_lift_off),
         Verb.START: (all_joined, leader_seen),
+        Verb.RESUME: (leader_commanded, interrupted, all_joined, leader_seen),
         Verb.HOME: (leader_commanded, all_joined, leader_seen, starts_known),
         Verb.HOLD: (),
         Verb.LAND: (somebody_flies,),

@@ -46,7 +46,7 @@ class Plan:
     trajectory_start_ns: on the control clock; None: a leader in FORMATION waits where it is.
     A new `shape` starts a smooth, simultaneous change of all slots; rise_m: how far above (below, where negative) its
     straight way each follower passes half-way (formation.guidance.transition). Empty: all go straight.
-    trajectory: the name of the leader's, looked at when it starts.
+    trajectory: the name of the leader's, looked at when it starts; resumes: it is the one of before, where that began.
     """
 
     setpoints: tuple[Setpoint, ...]
@@ -54,3 +54,4 @@ class Plan:
     trajectory_start_ns: int | None = None
     rise_m: tuple[float, ...] = ()
     trajectory: str = CONFIGURED
+    resumes: bool = False

@@ -271,10 +271,11 @@ class _Draft:
         self._joined.append(i)
 
     def _start_trajectory(self, i: int, motion: Float, start_ns: int) -> None:
-        """Onto the leader's trajectory, anchored where the reference is."""
-        new, trajectory = self._vehicles[i], self._who.trajectories[self._plan.trajectory]
-        path = anchored(trajectory, motion[0, :3], float(motion[0, 3]))
-        self._trajectory = path
+        """Onto the leader's trajectory, anchored where the reference is, or was when it began before."""
+        new, path = self._vehicles[i], self._trajectory
+        if not self._plan.resumes:
+            trajectory = self._who.trajectories[self._plan.trajectory]
+            path = self._trajectory = anchored(trajectory, motion[0, :3], float(motion[0, 3]))
         new.kind, new.path_kind, new.path_start_ns = TRAJECTORY, path.kind, start_ns
         on_path = np.zeros((3, 4))
         sample(path.kind, path.numbers, path.knots, (self._t_ns - start_ns) * SECONDS, on_path)

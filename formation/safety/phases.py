@@ -52,7 +52,7 @@ TABLE: Mapping[tuple[Phase, Trigger], Phase] = MappingProxyType(
 AFTER_STOP = "when every drone is disarmed and heard, `gcs reset` leads back to GROUND"
 """What to do next in STOPPED, which no flight goes through."""
 
-AFTER_HOLD = "`start` by the operator leads on"
+AFTER_HOLD = "`start` or `resume` by the operator leads on"
 """What to do next in HOLD: nothing resumes by itself, whatever the cause and though it be over."""
 
 STREAMING = frozenset({Phase.ARMED, Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND})
@@ -76,6 +76,7 @@ CHANGES_NO_PHASE: Mapping[Verb, tuple[Phase, ...]] = MappingProxyType(
     {
         Verb.EXCLUDE: (Phase.GROUND, Phase.STOPPED),
         Verb.INCLUDE: (Phase.GROUND,),
+        Verb.RESUME: (Phase.HOLD,),
         Verb.HOME: (Phase.HOLD, Phase.FORMATION),
         # Neither while the leader flies one, nor while it waits for its slots to be taken.
         Verb.TRAJECTORY: (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD),

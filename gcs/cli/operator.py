@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime, time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -42,7 +43,7 @@ _COLUMNS = {
     "id": "", "body": "", "autopilot": "", "mode": "", "armed": "", "x": "m", "y": "m", "z": "m", "battery": "%",
     "behind": "ms", "heard": "s", "seen": "s",
 }  # fmt: skip
-_STEPS = (Verb.ARM, Verb.TAKE_CONTROL, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND)
+_STEPS = (Verb.ARM, Verb.TAKE_CONTROL, Verb.TAKEOFF, Verb.START, Verb.RESUME, Verb.HOLD, Verb.LAND)
 
 Lab = Annotated[Path | None, typer.Option("--lab", help="lab.toml, for its name and bus; without it the defaults.")]
 Timeout = Annotated[
@@ -112,6 +113,19 @@ class _Arm(_Ground):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Start(_Ground):
+    """When the trajectory is to begin, and the ground that is asked."""
+
+    at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="Form now, begin the trajectory then: 14:30:00 of today, +20 (seconds), or a date of ISO 8601.",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Shape(_Ground):
     """A shape, and the ground that is asked for it."""
 
@@ -147,7 +161,8 @@ def register(app: typer.Typer) -> None:
     app.command(Verb.ARM.value)(arm)
     _register(app, Verb.TAKE_CONTROL, "Take control of drones that fly without a ground, and hold them where they are.")
     _register(app, Verb.TAKEOFF, "Take off to the configured height, then hold.")
-    _register(app, Verb.START, "Take up the formation; a commanded leader then flies its trajectory.")
+    app.command(Verb.START.value)(start)
+    _register(app, Verb.RESUME, "Take up the formation, and fly on along the trajectory that a hold interrupted.")
     app.command(Verb.SHAPE.value)(shape)
     app.command(Verb.TRAJECTORY.value)(trajectory)
     _register(app, Verb.HOME, "Lead every drone to above where it took off, without coming near each other; then land.")
@@ -200,6 +215,27 @@ def land(asked: _Land) -> None:
 def arm(asked: _Arm) -> None:
     """Bring every drone to off-board mode and arm it; refused with every reason."""
     _command(Verb.ARM, asked.fly_with, asked)
+
+
+@with_options(_Start)
+def start(asked: _Start) -> None:
+    """Take up the formation; a commanded leader then flies its trajectory."""
+    _command(Verb.START, "" if asked.at is None else str(round(_unix_s(asked.at) * 1e9)), asked)
+
+
+def _unix_s(text: str) -> float:
+    """The date that a time in words means, s since 1970."""
+    try:
+        if text.startswith("+"):
+            return clock.unix_us() * 1e-6 + float(text)
+        now = datetime.now().astimezone()
+        if "-" not in text:  # a time of today
+            return datetime.combine(now, time.fromisoformat(text), tzinfo=now.tzinfo).timestamp()
+        return datetime.fromisoformat(text).astimezone().timestamp()
+    except ValueError as error:
+        raise typer.BadParameter(
+            f"{text!r}: {error}: 14:30:00, +20 or 2026-11-27T14:30:00", param_hint="--at"
+        ) from None
 
 
 @with_options(_Shape)

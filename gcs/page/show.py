@@ -42,11 +42,21 @@ FENCE_WARN_M = 0.1
 _LANDED = {"ON_GROUND": "floor", "IN_AIR": "air", "TAKEOFF": "rising", "LANDING": "landing"}
 LOST_S = 1.0
 """After so long without the ground's state, the page says so across everything."""
-VERBS = (Verb.ARM, Verb.TAKE_CONTROL, Verb.TAKEOFF, Verb.START, Verb.HOME, Verb.HOLD, Verb.LAND, Verb.RESET)
+VERBS = (
+    Verb.ARM,
+    Verb.TAKE_CONTROL,
+    Verb.TAKEOFF,
+    Verb.START,
+    Verb.RESUME,
+    Verb.HOME,
+    Verb.HOLD,
+    Verb.LAND,
+    Verb.RESET,
+)
 LABELS = {
     Verb.ARM: "Arm", Verb.TAKE_CONTROL: "Take control", Verb.TAKEOFF: "Take off", Verb.START: "Start",
-    Verb.HOME: "Home", Verb.HOLD: "Hold", Verb.LAND: "Land", Verb.RESET: "Reset", Verb.ACKNOWLEDGE: "Acknowledge",
-    Verb.SHAPE: "Shape", Verb.TRAJECTORY: "Choose",
+    Verb.RESUME: "Resume", Verb.HOME: "Home", Verb.HOLD: "Hold", Verb.LAND: "Land", Verb.RESET: "Reset",
+    Verb.ACKNOWLEDGE: "Acknowledge", Verb.SHAPE: "Shape", Verb.TRAJECTORY: "Choose",
 }  # fmt: skip
 GB, MB = 1e9, 1e6
 

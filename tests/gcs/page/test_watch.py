@@ -46,6 +46,6 @@ def test_in_hold_it_says_that_the_operator_resumes():
     """The cause may be long over: no formation resumes by itself."""
     state = FakeLab(triangle()).state
     assert cause(replace(state, phase=Phase.HOLD, cause="leader: body not seen for 0.2 s")) == (
-        "leader: body not seen for 0.2 s; `start` by the operator leads on"
+        "leader: body not seen for 0.2 s; `start` or `resume` by the operator leads on"
     )
     assert cause(replace(state, phase=Phase.LAND, cause="operator: land")) == "operator: land"

@@ -11,7 +11,7 @@ from pydantic import Field, ValidationInfo, model_validator
 from formation.model import Model, Name, NoFlag, Number, Positive, Vec3Tuple, WrongKeyError
 
 TrajectoryKind = Literal[
-    "hold", "line", "circle", "figure8", "lissajous", "waypoints", "polynomial", "csv", "own"
+    "hold", "line", "circle", "figure8", "lissajous", "waypoints", "polynomial", "file", "csv", "own"
 ]  # fmt: skip
 PathPoint = tuple[Number, Number, Number, Number, Number]
 """Time from the beginning, s; x, y, z in `lab`, m; heading about lab z, rad."""
@@ -40,17 +40,21 @@ KINDS: Mapping[TrajectoryKind, Keys] = MappingProxyType(
         ),
         "waypoints": Keys(frozenset({"waypoints_m", "speed_m_s", "laps"}), "speed_m_s", "waypoints_m"),
         "polynomial": Keys(frozenset({"waypoints_m", "speed_m_s", "laps"}), "speed_m_s", "waypoints_m"),
-        "csv": Keys(frozenset({"file", "points"}), "file", "file"),
-        "own": Keys(frozenset({"name", "options", "points"}), "options", "options"),
+        "file": Keys(frozenset({"file", "points", "relative"}), "file", "file"),
+        "csv": Keys(frozenset({"file", "points", "relative"}), "file", "file"),
+        "own": Keys(frozenset({"name", "options", "points", "relative"}), "options", "options"),
     }
 )
+FROM_FILE = ("file", "csv")
+"""The second is the first one's old name."""
+FROM_OUTSIDE = (*FROM_FILE, "own")
 
 
 class PathReader(Protocol):
     """Who knows what is outside the lab file: files beside it, and what the lab's own packages make."""
 
     def points_of(self, kind: str, trajectory: Mapping[str, Any]) -> list[list[float]]:
-        """The points of a trajectory of kind `csv` or `own`; ValueError where there are none to be had."""
+        """The points of a trajectory of kind `file` or `own`; ValueError where there are none to be had."""
 
 
 class TrajectoryConfig(Model):
@@ -59,8 +63,9 @@ class TrajectoryConfig(Model):
     laps: rounds of a circle, an eight or Lissajous's figure, a line's ways there and back, how often all waypoints are
     flown; not given: a circle as many rounds as fit duration_s, a line there only, everything else once. duration_s: of
     a hold, of a line's every way. width_m: of a figure of eight, half its length if not given. amplitude_m, cycles,
-    phase_rad: of Lissajous's figure, along x, y, z. file: of a csv (t, x, y, z, yaw). name, options: of the lab's own,
-    and what it is given. points: what either came to, as it is flown and logged.
+    phase_rad: of Lissajous's figure, along x, y, z. file: lines t, x, y, z, yaw, a Crazyswarm polynomial or a
+    Skybrush show. name, options: of the lab's own, and what it is given. points: what either came to, as it is flown
+    and logged; relative: moved so that they begin where the leader is.
     """
 
     kind: TrajectoryKind = "hold"
@@ -86,13 +91,14 @@ class TrajectoryConfig(Model):
     file: str | None = None
     name: Name | None = None
     options: dict[str, float | int | str | bool] = Field(default_factory=dict)
+    relative: bool = False
     points: Annotated[tuple[PathPoint, ...], Field(max_length=POINTS_MOST)] = ()
 
     @model_validator(mode="before")
     @classmethod
     def _read_outside(cls, values: Any, info: ValidationInfo) -> Any:
         """The points of what is outside the lab file, where they are not in it already."""
-        if not isinstance(values, dict) or values.get("kind") not in ("csv", "own") or values.get("points"):
+        if not isinstance(values, dict) or values.get("kind") not in FROM_OUTSIDE or values.get("points"):
             return values
         reader: PathReader | None = info.context
         if reader is None:
@@ -100,17 +106,17 @@ class TrajectoryConfig(Model):
         try:
             return values | {"points": reader.points_of(values["kind"], values)}
         except ValueError as error:
-            raise WrongKeyError("file" if values["kind"] == "csv" else "name", str(error)) from error
+            raise WrongKeyError("name" if values["kind"] == "own" else "file", str(error)) from error
 
     @model_validator(mode="after")
     def _is_whole(self) -> Self:
         if self.kind in ("waypoints", "polynomial") and not self.waypoints_m:
             raise WrongKeyError("waypoints_m", f'is missing: kind "{self.kind}" needs `waypoints_m`, points of the lab')
-        if self.kind == "csv" and not (self.file or self.points):
-            raise WrongKeyError("file", 'is missing: kind "csv" flies its lines of t, x, y, z, yaw')
+        if self.kind in FROM_FILE and not (self.file or self.points):
+            raise WrongKeyError("file", f'is missing: kind "{self.kind}" flies the way in it')
         if self.kind == "own" and not (self.name or self.points):
             raise WrongKeyError("name", 'is missing: kind "own" flies what a package has registered under it')
-        if self.kind in ("csv", "own"):
+        if self.kind in FROM_OUTSIDE:
             try:
                 _check_times(self.points)
             except ValueError as error:

@@ -15,8 +15,15 @@ MOST = 8 << 20
 
 
 def read_text(path: Path, most: int = MOST) -> str:
-    """The text in the file without its byte-order mark; ValueError for what is no file, too long or no UTF-8, OSError
-    as ever. most: bytes."""
+    """The text in the file without its byte-order mark; raises as `read_bytes`, and ValueError for what is no UTF-8."""
+    try:
+        return read_bytes(path, most).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError("not UTF-8 text: save it as UTF-8") from error
+
+
+def read_bytes(path: Path, most: int = MOST) -> bytes:
+    """All that is in the file; ValueError for what is no file, or too long, OSError as ever. most: bytes."""
     mode = path.stat().st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a folder is refused with its own words
         raise ValueError("not a file")
@@ -24,10 +31,7 @@ def read_text(path: Path, most: int = MOST) -> str:
         data = file.read(most + 1)
     if len(data) > most:
         raise ValueError(f"more than {most >> 20} MiB")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ValueError("not UTF-8 text: save it as UTF-8") from error
+    return data
 
 
 _LONGEST = 120

@@ -5,13 +5,11 @@ the configuration when the file is read, so that a log replays where the package
 a law is code, and must be there.
 """
 
-import csv
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
-from io import StringIO
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -19,14 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from formation.own_law.law import ControlLaw, LawMaker
-from formation.trajectory_config import POINTS_MOST
-from wire.files import read_text
+from wire.path_files import COLUMNS, read_points
 
 T = TypeVar("T")
 
 TRAJECTORIES, SHAPES = "mavlink_formation.trajectories", "mavlink_formation.shapes"
 LAWS = "mavlink_formation.control_laws"
-COLUMNS = ("t", "x", "y", "z", "yaw")
 
 
 class TrajectoryMaker(Protocol):
@@ -53,8 +49,8 @@ class Surroundings:
         self._folder = folder
 
     def points_of(self, kind: str, trajectory: Mapping[str, Any]) -> list[list[float]]:
-        """The points of a trajectory of kind `csv` or `own`; ValueError where there are none to be had."""
-        if kind == "csv":
+        """The points of a trajectory of kind `file` or `own`; ValueError where there are none to be had."""
+        if kind != "own":
             return read_points(self._folder / str(trajectory["file"])) if trajectory.get("file") else []
         if not trajectory.get("name"):
             return []
@@ -91,37 +87,6 @@ def law_package(name: str) -> str:
     """Which package registers the law, and its version, as a log says it; empty where none does."""
     found = [point.dist for point in entry_points(group=LAWS, name=name) if point.dist is not None]
     return f"{found[0].name} {found[0].version}" if found else ""
-
-
-def read_points(path: Path) -> list[list[float]]:
-    """Rows of t, x, y, z, yaw, under a line that names them or none; ValueError names file and line.
-
-    It shows nothing of what is there: the file may be any.
-    """
-    try:
-        reader = csv.reader(StringIO(read_text(path), newline=""))
-        lines = [(number, line) for number, line in enumerate(reader, 1) if "".join(line).strip()]
-    except OSError as error:
-        raise ValueError(f"{path}: {error.strerror}") from error
-    except (ValueError, csv.Error) as error:
-        raise ValueError(f"{path}: {error}") from error
-    if lines and tuple(word.strip().lower() for word in lines[0][1]) == COLUMNS:
-        lines = lines[1:]
-    if len(lines) > POINTS_MOST:
-        raise ValueError(f"{path}: {len(lines)} points, {POINTS_MOST} at most")
-    return [_point(f"{path}, line {number}", line) for number, line in lines]
-
-
-def _point(where: str, line: list[str]) -> list[float]:
-    if len(line) != len(COLUMNS):
-        raise ValueError(f"{where}: {len(line)} columns, t, x, y, z, yaw are wanted")
-    row = []
-    for column, word in zip(COLUMNS, line, strict=True):
-        try:
-            row.append(float(word))
-        except ValueError:
-            raise ValueError(f"{where}: {column} is no number") from None
-    return row
 
 
 def _load(group: str, name: str) -> Any:

@@ -20,6 +20,7 @@ import numpy as np
 from formation.config import TrajectoryConfig
 from formation.guidance import spline
 from formation.maths.arrays import Float
+from formation.trajectory_config import FROM_OUTSIDE
 
 HOLD, LINE, CIRCLE, WAYPOINTS, LISSAJOUS, SPLINE = range(6)
 # Where each of a trajectory's numbers is, after the start's x, y, z and heading; the last three along x, y and z.
@@ -57,10 +58,11 @@ def anchored(config: TrajectoryConfig, pos_lab_m: Float, yaw_rad: float) -> Traj
     The line starts there, along lab x; the circle lies about the lab's origin at that height, whole laps from
     (radius, 0), as do a figure of eight, from its crossing, and Lissajous's figure; waypoints are points of the lab, in
     each of which it rests; a polynomial passes through them without stopping (of all such ways the one with the least
-    snap); csv and own are points of the lab, their heading is the leader's. The turn (yaw_rate_rad_s) is added.
+    snap); file and own are points of the lab, their heading is the leader's; relative ones are moved to
+    begin where it is. The turn (yaw_rate_rad_s) is added.
     It lasts: a hold duration_s; a line duration_s each way; a circle, eight or Lissajous's a period a lap and a ramp, a
     quarter period or 3 s; waypoints 1.875 times the way at speed_m_s, each piece half a second at least; a polynomial
-    so long that its highest speed is speed_m_s; csv and own as their points say.
+    so long that its highest speed is speed_m_s; file and own as their points say.
     """
     knots = np.zeros((1, 4))
     knots[0, 1:] = pos_lab_m
@@ -84,8 +86,11 @@ def anchored(config: TrajectoryConfig, pos_lab_m: Float, yaw_rad: float) -> Traj
             amplitude, cycles, phase = (0.5 * config.length_m, 0.5 * width_m, 0.0), (1, 2, 0), (0.0, 0.0, 0.0)
     elif config.kind == "polynomial":
         kind, (knots, duration) = SPLINE, spline.through(_path_points(config, pos_lab_m), yaw_rad, config.speed_m_s)
-    elif config.kind in ("csv", "own"):
-        kind, (knots, duration) = SPLINE, spline.timed(np.array(config.points))
+    elif config.kind in FROM_OUTSIDE:
+        points = np.array(config.points)
+        if config.relative:
+            points[:, 1:4] += pos_lab_m - points[0, 1:4]
+        kind, (knots, duration) = SPLINE, spline.timed(points)
     numbers = np.array(
         [*pos_lab_m, yaw_rad, duration, config.length_m, config.radius_m, 2.0 * pi / config.period_s,
          _ramp_s(config.period_s), config.yaw_rate_rad_s, min(TURN_RAMP_S, 0.5 * duration),

@@ -55,6 +55,18 @@ def _row(path: Path) -> CatalogueRow:
     )
 
 
+def over(rows: Iterable[CatalogueRow], most_bytes: float) -> Iterator[Path]:
+    """The oldest logs that have to go for the others to fill so much at most; what is damaged, or no log, stays."""
+    dated = sorted(
+        ((row.date, Path(row.path)) for row in rows if row.date is not None and not row.damage), reverse=True
+    )
+    filled = 0
+    for _, path in dated:
+        filled += path.stat().st_size
+        if filled > most_bytes:
+            yield path
+
+
 def write_sqlite(rows: Iterable[CatalogueRow], file: Path) -> None:
     """The rows as table `flights`, in the place of what it held; sqlite3.Error."""
     names = [field.name for field in fields(CatalogueRow)]

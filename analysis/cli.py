@@ -70,14 +70,18 @@ def list_flights(
     sqlite: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the table `flights` of an SQLite database, too.")
     ] = None,
+    keep: Annotated[
+        str | None, typer.Option(metavar="SIZE", help="Delete the oldest whole logs beyond it: 20GB, 500MB.")
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """List the flights in a folder: date, lab, length, error, outcome, faults. Exit code 1: one is damaged."""
     import sqlite3
     from dataclasses import asdict
 
-    from analysis.catalogue import CatalogueRow, catalogue, write_sqlite
+    from analysis.catalogue import CatalogueRow, catalogue, over, write_sqlite
 
+    most_bytes = None if keep is None else _bytes(keep)
     rows: list[CatalogueRow] = []
     for row in catalogue(folder):
         rows.append(row)
@@ -95,8 +99,19 @@ def list_flights(
             raise typer.Exit(UNUSABLE) from error
     if as_json:
         typer.echo(json.dumps([asdict(row) for row in rows], allow_nan=False))
+    for path in () if most_bytes is None else over(rows, most_bytes):
+        path.unlink()
+        typer.echo(f"deleted {path}", err=True)
     if any(row.damage for row in rows):
         raise typer.Exit(DAMAGED)
+
+
+def _bytes(size: str) -> float:
+    units = {"KB": 1e3, "MB": 1e6, "GB": 1e9, "TB": 1e12}
+    number, unit = size[:-2].strip(), size[-2:].upper()
+    if unit not in units or not number.replace(".", "", 1).isdecimal():
+        raise typer.BadParameter(f"{size!r}: 20GB, say", param_hint="--keep")
+    return float(number) * units[unit]
 
 
 def _catalogue_line(row: "CatalogueRow") -> str:

@@ -8,6 +8,7 @@ import json
 import re
 import subprocess
 from contextlib import nullcontext
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -33,6 +34,7 @@ from wire.process.program import (
     Speed,
     configuration,
     fail,
+    print_error,
     print_event,
     program,
 )
@@ -111,9 +113,18 @@ def rehearse(
     as_json: Json = False,
 ) -> None:
     """Fly the lab's whole flight in simulation before anybody arms: its vehicles, limits and law. Needs [sim]."""
+    from gcs.rehearsal import record
+
+    config, folder = configuration(lab), out or run_folder(lab.stem, clock.unix_us())
     # The simulator is known there alone.
-    words = [str(lab), *([] if out is None else ["--out", str(out)]), *(["--json"] if as_json else [])]
-    raise typer.Exit(subprocess.run(python_command("sim", "run", *words), check=False).returncode)
+    words = [str(lab), "--out", str(folder), *(["--json"] if as_json else [])]
+    code = subprocess.run(python_command("sim", "run", *words), check=False).returncode
+    if (folder / "flight.mcap").exists():
+        try:
+            record(lab, config, datetime.now().isoformat(timespec="seconds"), passed=code == 0, folder=folder)
+        except OSError as error:
+            print_error(f"the page will not know of it: {error.filename}: {error.strerror}")
+    raise typer.Exit(code)
 
 
 @app.command()
@@ -149,7 +160,7 @@ def page(
     try:
         protection = lab_protection(config.security, lab, PAGE, insecure=insecure)
         door = Public(public, public_port) if public else None
-        serve_page(config, name, port, clock.Clock(speed), as_json, protection, door)
+        serve_page(lab, config, name, port, clock.Clock(speed), as_json, protection, door)
     except ConfigError as error:
         fail(str(error), NOT_RIGHT)
     except OSError as error:

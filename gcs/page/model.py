@@ -1,6 +1,6 @@
 """All that a page's process knows: the newest states, alarms, trails, and who of several viewers may command. Pure."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from formation.config import LabConfig
@@ -8,7 +8,8 @@ from formation.messages import Event, EventCode, Phase, Severity, Verb
 from gcs.alarms import ShownAlarms
 from gcs.page.foresee import Forecast, shape, start, trajectory
 from gcs.page.scene import Scene, Trails, scene
-from gcs.page.show import LOST_S, NOTHING_YET, Show, none_of_ours, show
+from gcs.page.show import LOST_S, NOTHING_YET, Show, none_of_ours, rehearsed, show
+from gcs.rehearsal import Rehearsal
 from wire.ground_state import GroundState, decode
 
 START_NS = 1_000_000_000
@@ -64,6 +65,7 @@ class Model:
         self.state: GroundState | None = None
         self.scene = Scene((), (), (), ())
         self.start: Forecast | None = None
+        self.rehearsal: Rehearsal | None = None
         self._mocap: dict[str, Any] | None = None
         self._trails = Trails()
         self._state_ns = self._mocap_ns = self._start_ns = 0
@@ -102,7 +104,8 @@ class Model:
                 unix_s,
             )
         mocap = self._mocap if now_ns - self._mocap_ns < 3 * START_NS else None
-        return show(self.state, mocap, silent_s, () if self.start is None else self.start.against)
+        shown = show(self.state, mocap, silent_s, () if self.start is None else self.start.against)
+        return replace(shown, vital=(*shown.vital, ("rehearsal", rehearsed(self.rehearsal, self.config))))
 
     @property
     def may_choose(self) -> bool:

@@ -24,6 +24,7 @@ from gcs.page.door import Door
 from gcs.page.model import Model
 from gcs.page.origin import VISITOR, OwnPagesOnly
 from gcs.page.viewer import Viewer
+from gcs.rehearsal import recorded
 from gcs.security.page_logins import Logins, Visitor, read_tokens
 from gcs.security.roles import visitor_source
 from wire.clock import Clock, unix_us
@@ -50,8 +51,11 @@ WATCH_S = 0.25
 class Page:
     """One lab's page: a model and its viewers."""
 
-    def __init__(self, config: LabConfig, ground: str, clock: Clock, protection: Protection = LOOPBACK_ONLY) -> None:
+    def __init__(
+        self, lab_file: Path, config: LabConfig, ground: str, clock: Clock, protection: Protection = LOOPBACK_ONLY
+    ) -> None:
         self.model = Model(config)
+        self._lab_file = lab_file
         self._config, self._ground, self._clock = config, ground, clock
         self._protection = protection
         self._viewers: dict[str, Viewer] = {}
@@ -135,6 +139,7 @@ class Page:
         """Draw where no state comes; for ever."""
         while True:
             await asyncio.sleep(WATCH_S)
+            self.model.rehearsal = recorded(self._lab_file)
             if self._clock.monotonic_ns() - self._drawn_ns > WATCH_S * 1e9:
                 self.draw()
 
@@ -221,6 +226,7 @@ def _door(page: Page, public: Public, clock: Clock) -> _DoorServer:
 
 
 def serve(
+    lab_file: Path,
     config: LabConfig,
     ground: str,
     wanted_port: int | None,
@@ -237,7 +243,7 @@ def serve(
     joined = config.link.joined
     protection.bus.demand((*joined.zenoh_listen, *joined.zenoh_connect))  # here, where it ends the program in a line
     port = free_port(wanted_port)
-    page = Page(config, ground, clock, protection)
+    page = Page(lab_file, config, ground, clock, protection)
     on_bus = page.subscribed()
     door = None if public is None else _door(page, public, clock)
 

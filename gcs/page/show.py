@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
+from formation.config import LabConfig
 from formation.messages import Phase, Verb
 from formation.reasons import Reason
 from formation.requests import CONFIGURED
@@ -19,6 +20,7 @@ from formation.safety.rules_table import (
     SILENT_S,
     STALE_SETPOINT_S,
 )
+from gcs.rehearsal import Rehearsal
 from wire.ground_state import DroneState, GroundState
 from wire.link_messages import LandedState
 
@@ -280,6 +282,17 @@ def vital(state: GroundState, mocap: Mapping[str, Any] | None) -> tuple[tuple[st
     if (free := log.free_bytes) is not None:
         texts.append(("disk left", Cell(f"{free / GB:.1f} GB", Level.WARN if free < GB else Level.CALM)))
     return tuple(texts)
+
+
+def rehearsed(rehearsal: Rehearsal | None, config: LabConfig) -> Cell:
+    """How the lab was rehearsed last."""
+    if rehearsal is None:
+        return Cell("none: gcs rehearse")
+    if not rehearsal.is_of(config):
+        return Cell(f"{rehearsal.date}, of another lab file: gcs rehearse", Level.WARN)
+    if not rehearsal.passed:
+        return Cell(f"{rehearsal.date}, not passed: {rehearsal.folder}", Level.BAD)
+    return Cell(f"{rehearsal.date}, passed")
 
 
 def _clock(seconds: float) -> str:

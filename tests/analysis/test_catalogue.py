@@ -47,3 +47,18 @@ def test_people_get_a_line_each_and_a_folder_without_logs_is_named(folder: Path,
     assert "  2.00 mm" in done.stdout
     empty = CliRunner().invoke(app, ["list", str(tmp_path)])
     assert (empty.exit_code, empty.stderr) == (2, f"gcs-log: {tmp_path}: no log\n")
+
+
+def test_the_oldest_whole_logs_go_until_the_others_fit(tmp_path: Path) -> None:
+    sizes = {}
+    for day in (3, 1, 2):
+        path = tmp_path / f"{day}.mcap"
+        written(path, Recipe(), METADATA | {"date": f"2026-01-0{day}T00:00:00+00:00"})
+        sizes[path.name] = path.stat().st_size
+    (tmp_path / "other.mcap").write_text("no log\n")
+    kept = f"{sizes['3.mcap'] / 1e3 + sizes['2.mcap'] / 1e3 + 1.0}KB"
+    done = CliRunner().invoke(app, ["list", str(tmp_path), "--keep", kept])
+    assert (done.exit_code, done.stderr) == (1, f"deleted {tmp_path / '1.mcap'}\n")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["2.mcap", "3.mcap", "other.mcap"]
+    assert CliRunner().invoke(app, ["list", str(tmp_path), "--keep", "all"]).exit_code == 2
+    assert len(list(tmp_path.iterdir())) == 3

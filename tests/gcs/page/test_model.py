@@ -13,6 +13,7 @@ from gcs.page.foresee import shape, start
 from gcs.page.model import Control, Model
 from gcs.page.scene import Trails, scene
 from gcs.page.show import COLUMNS, UNITS, Cell, Level, Step, countdowns, row, show, stop_text
+from gcs.rehearsal import record, recorded
 from tests.gcs.fakes import FakeLab, flying, refusal, triangle
 from wire.ground_state import GroundState, PublishedEvent, encode
 
@@ -147,6 +148,27 @@ def test_silence_of_the_ground_is_shown_and_is_an_alarm_once(flight):
     assert "NO CONNECTION" in drawing.lost(model.show(14_000_000_000, 8.0))
     model.receive_state(encode(flight[Phase.HOLD]), 15_000_000_000)
     assert drawing.lost(model.show(15_000_000_000, 9.0)) == ""
+
+
+def test_the_last_rehearsal_is_shown_until_the_lab_changes(flight, tmp_path):
+    lab, file = triangle(), tmp_path / "lab.toml"
+    higher = lab.model_copy(update={"flight": lab.flight.model_copy(update={"altitude_m": 0.7})})
+
+    def shown(config):
+        model = Model(config)
+        model.receive_state(encode(flight[Phase.GROUND]), 0)
+        model.rehearsal = recorded(file)
+        cell = dict(model.show(0, 0.0).vital)["rehearsal"]
+        return cell.text, cell.level
+
+    assert shown(lab) == ("none: gcs rehearse", Level.CALM)
+    record(file, lab, "2026-11-27T20:04:00", passed=True, folder=tmp_path / "runs")
+    assert shown(lab) == ("2026-11-27T20:04:00, passed", Level.CALM)
+    assert shown(higher) == ("2026-11-27T20:04:00, of another lab file: gcs rehearse", Level.WARN)
+    record(file, lab, "2026-11-27T20:05:00", passed=False, folder=tmp_path / "runs")
+    assert shown(lab) == (f"2026-11-27T20:05:00, not passed: {tmp_path / 'runs'}", Level.BAD)
+    (tmp_path / "lab-rehearsal.toml").write_text("no record")
+    assert shown(lab) == ("none: gcs rehearse", Level.CALM)
 
 
 BATTERY = Event(

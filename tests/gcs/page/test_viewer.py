@@ -1,5 +1,6 @@
 """What one viewer of the page sends or breaks is no other's: no browser, no bus."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -18,7 +19,7 @@ def test_only_what_a_mouse_can_do_turns_the_room(moved: object) -> None:
 
 
 def test_a_viewer_that_cannot_be_drawn_ends_nobody_elses_page() -> None:
-    page, drawn = Page(triangle(), "main", Clock()), []
+    page, drawn = Page(Path("lab.toml"), triangle(), "main", Clock()), []
 
     def fail(_shown: object) -> None:
         raise ValueError("math domain error")

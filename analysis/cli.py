@@ -70,8 +70,8 @@ def list_flights(
     sqlite: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the table `flights` of an SQLite database, too.")
     ] = None,
-    keep: Annotated[
-        str | None, typer.Option(metavar="SIZE", help="Delete the oldest whole logs beyond it: 20GB, 500MB.")
+    most: Annotated[
+        str | None, typer.Option("--keep", metavar="SIZE", help="Delete the oldest whole logs beyond it: 20GB, 500MB.")
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -81,7 +81,7 @@ def list_flights(
 
     from analysis.catalogue import CatalogueRow, catalogue, over, write_sqlite
 
-    most_bytes = None if keep is None else _bytes(keep)
+    most_bytes = None if most is None else _bytes(most)
     rows: list[CatalogueRow] = []
     for row in catalogue(folder):
         rows.append(row)

@@ -220,11 +220,11 @@ def arm(asked: _Arm) -> None:
 @with_options(_Start)
 def start(asked: _Start) -> None:
     """Take up the formation; a commanded leader then flies its trajectory."""
-    _command(Verb.START, "" if asked.at is None else str(round(_unix_s(asked.at) * 1e9)), asked)
+    _command(Verb.START, "" if asked.at is None else str(round(begin_unix_s(asked.at) * 1e9)), asked)
 
 
-def _unix_s(text: str) -> float:
-    """The date that a time in words means, s since 1970."""
+def begin_unix_s(text: str) -> float:
+    """The date that a time in words means, s since 1970; typer.BadParameter for one that is none."""
     try:
         if text.startswith("+"):
             return clock.unix_us() * 1e-6 + float(text)

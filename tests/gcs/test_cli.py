@@ -3,18 +3,21 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+from formation.clock_pair import ClockPair
 from formation.config import MocapConfig
 from formation.control.margin import delay_margin
 from formation.control.presets import preset_for
 from formation.messages import Phase, Verb
 from formation.vehicle.profile import PX4_QUAD
 from gcs.cli.app import app
-from gcs.cli.operator import next_steps
+from gcs.cli.operator import begin_unix_s, next_steps
+from gcs.daemon import on_own_clock
 from tests.free_ports import free_port
 from tests.wire.flight import check_log
 
@@ -75,7 +78,13 @@ def test_a_wrong_value_is_named_with_file_and_key(tmp_path, wrong, key, reason):
 
 @pytest.mark.parametrize(
     "options",
-    [["arm", "--timeout", "-1"], ["run", "lab.toml", "--tag", "x"], ["run", "/nowhere/lab.toml"]],
+    [
+        ["arm", "--timeout", "-1"],
+        ["start", "--at", "noon"],
+        ["start", "--at", "+soon"],
+        ["run", "lab.toml", "--tag", "x"],
+        ["run", "/nowhere/lab.toml"],
+    ],
 )
 def test_an_option_out_of_range_is_exit_code_two(tmp_path, monkeypatch, options):
     _lab(tmp_path)
@@ -132,3 +141,17 @@ def test_status_says_what_may_be_asked_next():
     assert next_steps(Phase.ARMED, out_of_turn | {Verb.TAKEOFF: [], Verb.LAND: []}) == ["next: gcs takeoff, gcs land"]
     assert next_steps(Phase.STOPPED, out_of_turn | {Verb.RESET: []}) == ["next: gcs reset"]
     assert next_steps(Phase.STOPPED, out_of_turn | {Verb.RESET: ["left: armed"]}) == ["no reset: left: armed"]
+
+
+def test_a_time_to_begin_is_of_today_or_from_now_or_a_date() -> None:
+    now_s = time.time()
+    assert begin_unix_s("+20") == pytest.approx(now_s + 20.0, abs=1.0)
+    today = time.strftime("%Y-%m-%d")
+    assert begin_unix_s("14:30:00.5") == begin_unix_s(f"{today}T14:30:00.5")
+    assert begin_unix_s("2026-11-27T14:30:00Z") == 1_795_789_800.0
+
+
+def test_a_date_is_put_on_the_ground_s_own_clock_and_what_is_none_stays() -> None:
+    pair = ClockPair(5_000_000_000, 1_795_789_800_000_000_000)
+    assert on_own_clock("1795789820000000000", pair) == "25000000000"
+    assert on_own_clock("soon", pair) == "soon"

@@ -5,11 +5,12 @@ import sys
 from math import inf
 
 from drone_agent.guard.config import GuardConfig
-from drone_agent.guard.core import GuardCore, warm_up
+from drone_agent.guard.core import GuardCore, datagrams, warm_up
 from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_protection, open_ground_link
 from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
+from wire.mavlink.framing import FrameCutter
 from wire.process.daemon import READY, EventSink, Precondition, Stop, Watchdog, notify, report_missing
 from wire.process.progress import compile_all
 from wire.process.system import prefer_process
@@ -37,11 +38,13 @@ _INERTIAL_BYTES, _INERTIAL_SHARE = 75, 0.25  # of HIGHRES_IMU, framed; of the li
 class _Pump:
     """Hands what arrives to the core at once, and wakes it at its own deadlines."""
 
-    def __init__(self, core: GuardCore, report: EventSink, clock: Clock) -> None:
+    def __init__(self, core: GuardCore, sysid: int, report: EventSink, clock: Clock, *, serial: bool) -> None:
+        """serial: the autopilot's bytes come as a stream, not as datagrams."""
         self.ground: Link | None = None
         self.autopilot: Link | None = None
         self.rejections = RejectionLog()
-        self._core = core
+        self._core, self._sysid = core, sysid
+        self._cutter = FrameCutter(stream=serial)
         self._report = report
         self._clock = clock
         self._watchdog = Watchdog()
@@ -54,7 +57,7 @@ class _Pump:
 
     def from_autopilot(self, datagram: Datagram) -> None:
         """The autopilot said something."""
-        self._core.receive_autopilot(datagram.data, self._clock.monotonic_ns())
+        self._core.receive_autopilot(self._cutter.cut(datagram.data), self._clock.monotonic_ns())
         self.turn()
 
     def from_mocap(self, frame: LabFrame) -> None:
@@ -67,13 +70,14 @@ class _Pump:
         now_ns = self._clock.monotonic_ns()
         out = self._core.tick(now_ns)
         self._watchdog.feed(now_ns)
-        for link, datagrams in ((self.autopilot, out.to_autopilot), (self.ground, out.to_ground)):
+        to_autopilot = datagrams(self._sysid, [frame.data for frame in out.to_autopilot])
+        for link, sent in ((self.autopilot, to_autopilot), (self.ground, out.to_ground)):
             if link is not None:
-                for datagram in datagrams:
+                for datagram in sent:
                     link.send(datagram)
         for event in (*out.events, *self.rejections.due(now_ns)):
             self._report(event)
-        self.timer.at(self._core.next_deadline_ns())
+        self.timer.at(self._core.due_ns)
 
 
 async def run_bridge(config: BridgeConfig, report: EventSink, clock: Clock = REAL_TIME) -> None:
@@ -84,8 +88,8 @@ async def run_bridge(config: BridgeConfig, report: EventSink, clock: Clock = REA
     stop, protection, autopilot = Stop(), drone_protection(config), config.bridge
     compile_all("drone-agent", warm_up, sys.stderr)
     config = config.model_copy(update={"inertial_rate_hz": min(config.inertial_rate_hz, imu_rate_limit_hz(autopilot))})
-    core = GuardCore(config, clock.monotonic_ns(), serial=autopilot.startswith("serial:"))
-    pump = _Pump(core, report, clock)
+    core = GuardCore(config, clock.monotonic_ns())
+    pump = _Pump(core, config.sysid, report, clock, serial=autopilot.startswith("serial:"))
     bus: ZenohBus | None = None
     missing: asyncio.Task[None] | None = None
     attending: asyncio.Task[None] | None = None

@@ -3,6 +3,7 @@
 Sans-IO: time is an argument, and everything inside happens at its own time and in order, whenever anybody asks.
 """
 
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from drone_agent.flight.failsafes import Failsafes
 from drone_agent.link.commands import Commander
 from drone_agent.link.inbox import READS, Inbox
 from drone_agent.link.schedule import RASTER_NS, Schedule
-from drone_agent.link.telemetry import ON_REQUEST, TelemetryBuilder
+from drone_agent.link.telemetry import BUILDERS, ON_REQUEST, Telemetry
 from drone_agent.simulation.airframe import Airframe
 from drone_agent.simulation.attitude_loop import OWN, Physics
 from drone_agent.simulation.inertial import InertialSensor
@@ -24,9 +25,9 @@ from formation.maths.geodesy import to_globe
 from formation.messages import Datagram, Event, Truth
 from formation.vehicle.profile import on_ground, profile
 from wire.autopilots.table import AutopilotTable
-from wire.link_messages import DRONE_COMPONENT, Address, LinkMessage, MessageId, SimTruth, StatusText
+from wire.link_messages import DRONE_COMPONENT, Address, LinkMessage, MessageId, Packet, SimTruth, StatusText
 from wire.mavlink.codec import Codec
-from wire.mavlink.framing import MavlinkError, packed
+from wire.mavlink.framing import Frame, MavlinkError, packed
 
 _MONITOR_PERIOD_NS = 50_000_000
 _MONITOR_PERIOD_S = _MONITOR_PERIOD_NS * 1e-9
@@ -36,15 +37,23 @@ _BURST_NS = 1_000_000_000  # of telemetry: what a socket's buffer of the default
 
 
 class AgentOutgoing(NamedTuple):
-    """The output of one tick: packets for the ground, the true state if it is due, events."""
+    """The output of one tick: datagrams for the ground, the true state if it is due, events."""
 
     datagrams: tuple[Datagram, ...]
     truth: Truth | None
-    events: tuple[Event, ...]
+    events: list[Event]
+
+
+class AgentTurn(NamedTuple):
+    """The same with frames, for a guard in the same process."""
+
+    frames: list[Frame]
+    truth: Truth | None
+    events: list[Event]
 
 
 class AgentCore:
-    """One simulated drone. Call `receive` with what arrives and `tick` no later than `next_deadline_ns`."""
+    """One simulated drone. Call a `receive` with what arrives and `tick` or `turn` no later than `due_ns`."""
 
     def __init__(self, config: SimulatedDroneConfig, t0_ns: int, physics: Physics = OWN) -> None:
         """physics: what integrates the vehicle."""
@@ -69,9 +78,9 @@ class AgentCore:
         rates_hz = {**model.rates_hz, **direct_hz, **config.rates_hz}
         self._schedule = Schedule(rates_hz, ON_REQUEST, t0_ns)
         self._commander = Commander(config, self.autopilot, self._schedule)
-        self._telemetry = TelemetryBuilder(config, self.autopilot, t0_ns)
+        self._telemetry = Telemetry(config, self.autopilot, t0_ns)
         self._inbox = Inbox(config, self.autopilot, self._failsafes, self._commander, t0_ns, self._send, self._use_pose)
-        self._outbox: list[bytes] = []
+        self._outbox: list[Frame] = []
         self._events: list[Event] = []
         self._monitor_ns = self._inside_ns = t0_ns
         self._control_ns = t0_ns
@@ -79,53 +88,72 @@ class AgentCore:
         self._truth_period_ns = round(1e9 / config.truth_rate_hz) if config.truth_rate_hz > 0.0 else 0
         for severity, text in model.texts.boot:
             self.autopilot.report(severity, text)
+        self.due_ns = t0_ns
 
     def receive(self, message: Datagram, now_ns: int) -> None:
         """Take in a datagram. Never raises on what it holds."""
-        self._catch_up(now_ns)
+        self._receive(self.codec.receive(message.data) if message.sysid == self.config.sysid else [], now_ns)
+
+    def receive_frames(self, frames: Iterable[Frame], now_ns: int) -> None:
+        """Take in the frames of its guard."""
+        self._receive(self.codec.read(frames), now_ns)
+
+    def _receive(self, packets: Sequence[Packet], now_ns: int) -> None:
+        if self._direct:
+            self._catch_up(now_ns)
         self._run_to(now_ns)
-        if message.sysid == self.config.sysid:
-            for packet in self.codec.receive(message.data):
-                self._inbox.read(packet, now_ns)
+        for packet in packets:
+            self._inbox.read(packet, now_ns)
+        if self._commander.wanted or self._commander.answers:
             self._answer(now_ns)
-            self._inside_ns = self._next_inside_ns()
+        self._inside_ns = self._next_inside_ns()
+        self._update_due()
 
     def tick(self, now_ns: int) -> AgentOutgoing:
         """Everything to send now."""
-        self._catch_up(now_ns)
+        turn, sysid = self.turn(now_ns), self.config.sysid
+        frames = [frame.data for frame in turn.frames]
+        # Over UDP a packet a datagram, as autopilots send them.
+        datagrams = [Datagram(sysid, data) for data in (frames if self._direct else packed(b"".join(frames)))]
+        return AgentOutgoing(tuple(datagrams), turn.truth, turn.events)
+
+    def turn(self, now_ns: int) -> AgentTurn:
+        """The same as frames."""
+        if self._direct:
+            self._catch_up(now_ns)
         self._run_to(now_ns)
-        for number in self._schedule.pop_due(now_ns):
-            self._report(number, now_ns)
-        self._list_parameters()
+        self._report(self._schedule.pop_due(now_ns), now_ns)
+        if self._inbox.listing is not None:
+            self._list_parameters(self._inbox.listing)
         for event in self._inbox.due_events(now_ns):
             self.autopilot.report(event.severity, f"{event.text} (from {event.source})")
-        self._flush_notes()
+        if self.autopilot.notes:
+            self._flush_notes()
         truth = None
         if self._truth_period_ns and now_ns >= self._truth_ns:
             self._truth_ns = max(self._truth_ns + self._truth_period_ns, now_ns)
             truth = self.truth(now_ns)
-        sysid = self.config.sysid
-        # Over UDP a packet a datagram, as autopilots send them.
-        packets = self._outbox if self._direct else packed(b"".join(self._outbox))
-        datagrams = tuple([Datagram(sysid, data) for data in packets])
-        events = tuple(self._events)
+        turn = AgentTurn(self._outbox, truth, self._events)
         self._outbox, self._events = [], []
-        return AgentOutgoing(datagrams, truth, events)
+        self._update_due()
+        return turn
 
-    def next_deadline_ns(self) -> int:
-        """When `tick` is due if nothing arrives."""
+    def _update_due(self) -> None:
+        """After every input and turn: when the next is due if nothing arrives."""
         if self._outbox or self.autopilot.notes:
-            return self._now_ns
+            self.due_ns = self._now_ns
+            return
         due_ns = min(self._inside_ns, self._schedule.next_ns)
         if self._truth_period_ns:
             due_ns = min(due_ns, self._truth_ns)
         if self._inbox.listing is not None:
             due_ns = min(due_ns, self._now_ns + RASTER_NS)
-        return due_ns
+        self.due_ns = due_ns
 
     def truth(self, now_ns: int) -> Truth:
         """The true state at `now_ns`, exactly, wherever the physics' grid lies."""
         self._run_to(now_ns)
+        self._update_due()
         state = self.airframe.state_at(now_ns)
         return Truth(
             t_ns=now_ns,
@@ -172,12 +200,9 @@ class AgentCore:
         A real autopilot has a computer of its own. It goes on while the process that stands in for it has no turn, and
         what it sent meanwhile has arrived in a burst.
         """
-        if not self._direct:
-            return
         while (t_ns := max(self._schedule.next_ns, self._now_ns, now_ns - _BURST_NS)) < now_ns:
             self._run_to(t_ns)
-            for number in self._schedule.pop_due(t_ns):
-                self._report(number, t_ns)
+            self._report(self._schedule.pop_due(t_ns), t_ns)
 
     def _rastered(self, t_ns: int) -> int:
         return t_ns + (self._t0_ns - t_ns) % CONTROL_NS
@@ -187,14 +212,14 @@ class AgentCore:
             self.airframe.advance_to(now_ns)
             self._estimator.receive_pose(pose, now_ns, self.autopilot.fusion)
 
-    def _report(self, number: int, now_ns: int) -> None:
-        self.airframe.advance_to(now_ns)
-        if number == MessageId.HIL_STATE_QUATERNION:  # the simulator's word, not the autopilot's
-            self._send(self._true_state(now_ns))
-            return
-        message = self._telemetry.build(number, now_ns)
-        if message is not None:
-            self._send(message)
+    def _report(self, numbers: Sequence[int], now_ns: int) -> None:
+        if numbers:
+            self.airframe.advance_to(now_ns)
+        for number in numbers:
+            if number == MessageId.HIL_STATE_QUATERNION:  # the simulator's word, not the autopilot's
+                self._send(self._true_state(now_ns))
+            elif (message := BUILDERS[number](self._telemetry, now_ns)) is not None:
+                self._send(message)
 
     def _true_state(self, now_ns: int) -> SimTruth:
         state = self.airframe.state
@@ -204,17 +229,13 @@ class AgentCore:
 
     def _answer(self, now_ns: int) -> None:
         """Send what REQUEST_MESSAGE asked for, after its acknowledgement."""
-        for number in self._commander.wanted:
-            self._report(number, now_ns)
+        self._report(self._commander.wanted, now_ns)
         for answer in self._commander.answers:
             self._send(answer)
         self._commander.wanted.clear()
         self._commander.answers.clear()
 
-    def _list_parameters(self) -> None:
-        start = self._inbox.listing
-        if start is None:
-            return
+    def _list_parameters(self, start: int) -> None:
         stop = min(start + _LISTED_AT_ONCE, len(self.parameters))
         for index in range(start, stop):
             value = self.parameters.message(index)
@@ -231,7 +252,7 @@ class AgentCore:
     def _send(self, message: LinkMessage) -> None:
         """Send a message; one that MAVLink cannot encode is left out, counted and reported, and the drone flies on."""
         try:
-            self._outbox.append(self.codec.encode(message))
+            self._outbox += self.codec.frames(message)
         except MavlinkError as error:
             self._inbox.rejections.note("own telemetry", str(error), self.airframe.t_ns)
 

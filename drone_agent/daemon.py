@@ -53,7 +53,7 @@ class _Pump:
             return
         if not self.has_pose and self.config.body_name in frame.bodies:
             self.has_pose = bool(frame.seen[frame.bodies.index(self.config.body_name)])
-        self._core.receive(frame, self._punctual_ns())
+        self._core.receive_frame(frame, self._punctual_ns())
         self.turn()
 
     def turn(self) -> None:
@@ -68,13 +68,13 @@ class _Pump:
             self._flying = not out.truth.on_ground
         for event in (*out.events, *self._rejections.due(now_ns)):
             self._report(event)
-        self.timer.at(self._core.next_deadline_ns())
+        self.timer.at(self._core.due_ns)
 
     def _punctual_ns(self) -> int:
         """Now; StarvedError where a flight under an emulated mocap, which needs the true poses, is too late."""
         now_ns = self._clock.monotonic_ns()
         if self._flying:
-            self._punctual.check(self._core.next_deadline_ns(), now_ns)
+            self._punctual.check(self._core.due_ns, now_ns)
         return now_ns
 
 

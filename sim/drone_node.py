@@ -1,5 +1,6 @@
 """One drone in a lockstep flight: its guard, the simulated autopilot behind it, and both directions of its link."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from sim.monitors import Without
 from sim.process_input import ProcessInput
 from sim.scenario import LinkModel, Scenario
 from wire.link_messages import BRIDGE_COMPONENT
-from wire.mavlink.framing import FrameCutter
+from wire.mavlink.framing import Frame
 from wire.transport.memory_bus import random_delay
 
 
@@ -45,14 +46,14 @@ class Sample(NamedTuple):
 
 
 class DroneNode:
-    """One drone; `due_ns`: when it has work to do.
+    """One drone.
 
     Only the guard receives the data of the ground and the mocap. Faults of the agent are of the guard's computer; the
     autopilot, which has its own, flies on.
     """
 
     __slots__ = (
-        "_config", "_guards", "_input", "_received", "_without", "autopilot", "down", "drone", "due_ns", "events",
+        "_config", "_guards", "_input", "_received", "_without", "autopilot", "down", "drone", "events",
         "faults", "followed_ns", "innovations", "own_due_ns", "row", "sysid", "up",
     )  # fmt: skip
 
@@ -78,50 +79,46 @@ class DroneNode:
         model = scenario.link
         self.down = _channel(model, model.down_s, [seed, 3, config.sysid])
         self.up = _channel(model, model.up_s, [seed, 4, config.sysid])
-        self.due_ns = self.own_due_ns = now_ns
-        """own_due_ns: when guard or autopilot has something to do of itself, as the last tick left them."""
+        self.own_due_ns = now_ns
+        """When guard or autopilot has something to do of itself, as the last tick left them."""
         self.row = 0
         """Among the flight's drones, in the order in which they are served."""
         self.events: list[Event] = []
         self.innovations: list[Innovation] = []
         self.faults: list[PoseFault] = []
         self.followed_ns: int | None = None
-        self._input = ProcessInput[LabFrame | Sent | bytes]()
+        self._input = ProcessInput[LabFrame | Sent | list[Frame]]()
         self._received = (now_ns, now_ns)
         """When the guards last received a ground's datagram, and when it was sent."""
 
-    def update_due(self) -> None:
-        """Update `due_ns`; call it after any change of the drone or its link."""
-        self.own_due_ns = self.drone.next_deadline_ns()
-        self.update_due_after_tick()
-
-    def update_due_after_tick(self) -> None:
-        """The same, where nothing but its link has changed since `tick`."""
-        self.due_ns = min(self.own_due_ns, self.down.next_due_ns, self.up.next_due_ns)
+    @property
+    def due_ns(self) -> int:
+        """When it has work to do; after any change from outside `own_due_ns` is to be the drone's."""
+        return min(self.own_due_ns, self.down.arriving.next_due_ns, self.up.arriving.next_due_ns)
 
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         """Receive a mocap frame."""
         if self._input.admits(frame):
-            self.drone.receive(frame, now_ns)
+            self.drone.receive_frame(frame, now_ns)
 
-    def receive_datagram(self, sent: Sent, now_ns: int) -> tuple[Datagram, ...]:
+    def receive_datagram(self, sent: Sent, now_ns: int) -> Sequence[Datagram]:
         """Receive a ground's datagram; returns the datagrams sent at once."""
         if not self._input.admits(sent):
             return ()
         self._pass_to_guards(sent, now_ns)
         return self.tick(now_ns)
 
-    def tick(self, now_ns: int) -> tuple[Datagram, ...]:
+    def tick(self, now_ns: int) -> Sequence[Datagram]:
         """The datagrams for the ground; notes when the followed setpoint was sent, if one was accepted just now."""
         outgoing = self.drone.tick(now_ns)
         self.events += outgoing.events
         self.innovations += outgoing.innovations
         self.faults += outgoing.faults
-        for data in outgoing.unread:
-            self._input.admits(data)
+        for frames in outgoing.unread:
+            self._input.admits(frames)
         if outgoing.to_autopilot and self.autopilot.autopilot.stream.last_ns == now_ns:
             received_ns, sent_ns = self._received
-            passed = received_ns == now_ns and not _flown_by_guard(outgoing.to_autopilot[-1])
+            passed = received_ns == now_ns and not _flown_by_guard(outgoing.to_autopilot)
             self.followed_ns = sent_ns if passed else now_ns
         self.own_due_ns = self.drone.due_ns
         return outgoing.datagrams
@@ -164,12 +161,14 @@ class DroneNode:
     def _new_guard(self, now_ns: int) -> GuardCore:
         return GuardCore(self._config, now_ns, without=self._without)
 
-    def _pass_to_guards(self, item: LabFrame | Sent | bytes, now_ns: int) -> None:
+    def _pass_to_guards(self, item: LabFrame | Sent | list[Frame], now_ns: int) -> None:
         if isinstance(item, Sent):
             self.drone.receive(item.datagram, now_ns)
             self._received = (now_ns, item.t_ns)
+        elif isinstance(item, LabFrame):
+            self.drone.receive_frame(item, now_ns)
         else:
-            self.drone.receive(item, now_ns)
+            self.drone.receive_autopilot(item, now_ns)
 
 
 def level_share(motor_gain: Float) -> float:
@@ -178,11 +177,9 @@ def level_share(motor_gain: Float) -> float:
     return float(0.5 * (min(front_right, rear_left) + min(front_left, rear_right)))
 
 
-def _flown_by_guard(datagram: Datagram) -> bool:
-    """Whether the last setpoint among these packets is the guard's own."""
-    if BRIDGE_COMPONENT not in datagram.data:
-        return False
-    setpoints = [frame for frame in FrameCutter().cut(datagram.data) if frame.number in SETPOINTS]
+def _flown_by_guard(frames: list[Frame]) -> bool:
+    """Whether the last setpoint among these frames is the guard's own."""
+    setpoints = [frame for frame in frames if frame.number in SETPOINTS]
     return bool(setpoints) and setpoints[-1].source.component == BRIDGE_COMPONENT
 
 

@@ -198,25 +198,27 @@ class World:
         """Deliver datagrams to the drone, tick it, and deliver its datagrams to the grounds."""
         now_ns = self.now_ns
         datagrams: list[Datagram] = []
-        for sent in node.down.pop_due(now_ns):
-            datagrams += node.receive_datagram(sent, now_ns)
+        if node.down.arriving.next_due_ns <= now_ns:
+            for sent in node.down.arriving.pop_due(now_ns):
+                datagrams += node.receive_datagram(sent, now_ns)
         if node.own_due_ns <= now_ns:
             datagrams += node.tick(now_ns)
-        for innovation in node.innovations:
-            self._record(INNOVATION, innovation, now_ns)
-        node.innovations.clear()
+        if node.innovations:
+            for innovation in node.innovations:
+                self._record(INNOVATION, innovation, now_ns)
+            node.innovations.clear()
         if datagrams:
             faults = self._on_link(node, "up")
             for datagram in datagrams:
                 node.up.push(now_ns, datagram, faults)
-        for sent in node.up.pop_due(now_ns):
-            self._grounds_receive(sent.datagram)
-        node.update_due_after_tick()
+        if node.up.arriving.next_due_ns <= now_ns:
+            for sent in node.up.arriving.pop_due(now_ns):
+                self._grounds_receive(sent.datagram)
         self._agenda.set_due(node.row, node.due_ns)
 
     def _changed(self, node: DroneNode) -> None:
         """Something was done to the drone from outside."""
-        node.update_due()
+        node.own_due_ns = node.drone.due_ns
         self._agenda.set_due(node.row, node.due_ns)
 
     def _tick_operator(self) -> None:
@@ -253,7 +255,6 @@ class World:
         for datagram in datagrams:
             node = self.nodes[datagram.sysid]
             node.down.push(now_ns, datagram, self._on_link(node, "down"))
-            node.due_ns = min(node.due_ns, node.down.next_due_ns)
             self._agenda.set_due(node.row, node.due_ns)
         for reply in replies:
             self.operator.receive(reply, now_ns)

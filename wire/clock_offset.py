@@ -36,10 +36,10 @@ class LeastDelay:
 
     def offer(self, delay_ns: int, now_ns: int) -> int:
         """Receive a delay and return the least one now: this delay, if no older one is smaller."""
-        grown_ns = self.at_ns(now_ns)
-        least_ns = delay_ns if grown_ns is None else min(grown_ns, delay_ns)
-        self._delay_ns, self._updated_ns = least_ns, now_ns
-        return least_ns
+        if self._delay_ns is not None:
+            delay_ns = min(self._delay_ns + round((now_ns - self._updated_ns) * DRIFT), delay_ns)
+        self._delay_ns, self._updated_ns = delay_ns, now_ns
+        return delay_ns
 
 
 @dataclass(slots=True)
@@ -92,8 +92,7 @@ class ClockOffset:
         """When a message with that stamp was made, our clock, not after now; by the quickest message ever heard, until
         there was an exchange: a slow clock and a growing queue look the same to stamps alone."""
         by_stamps_ns = self._stamps.made_ns(stamp_ns, now_ns)
-        synchronised_ns = self.to_ours_ns(stamp_ns)
-        return by_stamps_ns if synchronised_ns is None else min(synchronised_ns, now_ns)
+        return by_stamps_ns if self.offset_ns is None else min(stamp_ns - self.offset_ns, now_ns)
 
     def since_ns(self, stamp_ns: int, now_ns: int) -> int | None:
         """Time since a stamp of their clock, whatever it is; None before the first exchange.

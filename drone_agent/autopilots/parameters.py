@@ -3,7 +3,7 @@
 PX4 carries an integer's own bytes in the float field, ArduPilot casts it; the kind of autopilot says which.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import isfinite
 
 from wire.autopilots.table import AutopilotTable
@@ -21,8 +21,8 @@ class Parameters:
         self._index = {spec.name: i for i, spec in enumerate(self._specs)}
         self._values = [spec.default for spec in self._specs]
         self._autopilot = table.autopilot
-        self.version = 0
-        """Counts the changes."""
+        self.on_change: Callable[[], None] = lambda: None
+        """Called after each change."""
         for name, value in values.items():
             if not self.set(name, value):
                 raise ValueError(f"{name!r} is unknown to this autopilot, or {value:g} is no value for it")
@@ -48,7 +48,7 @@ class Parameters:
         stored = param_from_raw(raw, self._specs[index].type, self._autopilot)
         if stored != self._values[index]:
             self._values[index] = stored
-            self.version += 1
+            self.on_change()
         return True
 
     def set_raw(self, name: str, raw: bytes, kind: ParamType) -> bool:

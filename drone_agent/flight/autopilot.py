@@ -111,25 +111,13 @@ class Autopilot:
         """Whether the agent flies by itself, so that `control` is due every CONTROL_NS."""
         self._mode_after_disarm = model.boot_mode
         self._rise_m: float | None = None
-        self._read_version: int | None = None
+        parameters.on_change = self._reread
         self._reread()
 
     @property
     def row(self) -> ModeRow:
         """The present mode's row of the model's table."""
         return self.model.modes[self.mode]
-
-    @property
-    def timing(self) -> Timing:
-        """Its own waits, as the parameters have them now."""
-        self._reread()
-        return self._timing
-
-    @property
-    def stream_loss(self) -> StreamLoss:
-        """What the autopilot itself does about a dead stream, as the parameters have it now."""
-        self._reread()
-        return self._stream_loss
 
     @property
     def landed(self) -> bool:
@@ -147,18 +135,6 @@ class Autopilot:
     def in_stream_mode(self) -> bool:
         """Whether attitude targets rule, or would if they came."""
         return self.armed and self.mode in STREAM_MODES
-
-    @property
-    def fusion(self) -> Fusion:
-        """How its estimator fuses poses, as the parameters have it now."""
-        self._reread()
-        return self._fusion
-
-    @property
-    def attitude_failure(self) -> AttitudeFailure | None:
-        """When it stops its motors since it lies on its side, as the parameters have it now."""
-        self._reread()
-        return self._attitude_failure
 
     @property
     def belief(self) -> Belief:
@@ -364,9 +340,12 @@ class Autopilot:
         return max(belief.pos_lab_m[2], home.pos_lab_m[2] + above_m)
 
     def _reread(self) -> None:
-        if self._read_version != self.parameters.version:
-            self._read_version = self.parameters.version
-            self._timing = self.model.timing(self.parameters)
-            self._stream_loss = self.model.stream_loss(self.parameters)
-            self._fusion = self.model.fusion(self.parameters)
-            self._attitude_failure = self.model.attitude_failure(self.parameters)
+        """What the parameters say, as they are now."""
+        self.timing: Timing = self.model.timing(self.parameters)
+        """Its own waits."""
+        self.stream_loss: StreamLoss = self.model.stream_loss(self.parameters)
+        """What the autopilot itself does about a dead stream."""
+        self.fusion: Fusion = self.model.fusion(self.parameters)
+        """How its estimator fuses poses."""
+        self.attitude_failure: AttitudeFailure | None = self.model.attitude_failure(self.parameters)
+        """When it stops its motors since it lies on its side."""

@@ -15,6 +15,8 @@ from formation.maths.arrays import Quat, Vec3
 from formation.maths.frames import from_rotation_vector, multiply
 from wire.link_messages import AttitudeSetpoint, Ignore, LocalFrame, PositionIgnore, PositionSetpoint
 
+_ATTITUDE, _THRUST = int(Ignore.ATTITUDE), int(Ignore.THRUST)  # plain, for every setpoint
+
 
 class Guidance:
     """Takes setpoints in; only an autopilot that is armed and off-board follows them."""
@@ -38,11 +40,12 @@ class Guidance:
             autopilot.pilot.follow(target.q_lab_from_flu, climb_m_s)
             return
         autopilot.piloted = False
-        if Ignore.ATTITUDE in target.ignore:
+        ignore = int(target.ignore)
+        if ignore & _ATTITUDE:
             attitude, rate = self._ahead(target.rate_flu_rad_s), NO_RATE
         else:
             attitude, rate = target.q_lab_from_flu, target.rate_flu_rad_s
-        thrust = 0.0 if Ignore.THRUST in target.ignore else target.thrust_norm
+        thrust = 0.0 if ignore & _THRUST else target.thrust_norm
         autopilot.vehicle.order(now_ns, LoopSetpoint(attitude, rate, thrust))
 
     def position(self, now_ns: int, target: PositionSetpoint) -> None:

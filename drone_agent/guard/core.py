@@ -7,6 +7,7 @@ where some have ended here.
 """
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ from drone_agent.guard.failsafe import (
 from drone_agent.guard.integrity import SIGNATURES
 from drone_agent.guard.navigator import Fault
 from drone_agent.guard.position import BodyHold
-from drone_agent.guard.setpoints import SETPOINTS, BodySetpoints, stamp_ms
+from drone_agent.guard.setpoints import SETPOINTS, BodySetpoints, Sender, stamp_ms
 from drone_agent.guard.stages import MONITOR_OF, Stage, Trigger, switched_off
 from formation.maths.arrays import Quat
 from formation.messages import Datagram, Event, Innovation, LabFrame, Severity
@@ -67,7 +68,7 @@ from wire.link_messages import (
     TimeSync,
     command_long,
 )
-from wire.mavlink.codec import Codec, read_frame
+from wire.mavlink.codec import Codec, read_message
 from wire.mavlink.framing import Frame, FrameCutter, MavlinkError, packed, renumbered
 
 _BEAT_NS = 1_000_000_000
@@ -77,37 +78,32 @@ _TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT)}
 
 
 class GuardOutgoing(NamedTuple):
-    """The output of one tick: packets for ground and autopilot, events, innovations, detected faults."""
+    """The output of one tick: for the ground, frames for the autopilot, events, innovations, detected faults."""
 
     to_ground: tuple[Datagram, ...]
-    to_autopilot: tuple[Datagram, ...]
-    events: tuple[Event, ...]
-    innovations: tuple[Innovation, ...] = ()
-    faults: tuple[Fault, ...] = ()
+    to_autopilot: list[Frame]
+    events: list[Event]
+    innovations: tuple[Innovation, ...]
+    faults: list[Fault]
 
 
 def datagrams(sysid: int, packets: list[bytes]) -> tuple[Datagram, ...]:
     """The packets for, or of, that drone in as few datagrams as hold them."""
-    return tuple([Datagram(sysid, data) for data in packed(b"".join(packets))]) if packets else ()
+    return tuple([Datagram(sysid, data) for data in packed(b"".join(packets))])
 
 
 class GuardCore:
-    """One real drone. Call a `receive_*` with what arrives and `tick` no later than `next_deadline_ns`."""
+    """One real drone. Call a `receive_*` with what arrives and `tick` no later than `due_ns`."""
 
-    def __init__(
-        self, config: GuardConfig, t0_ns: int, *, serial: bool = False, without: frozenset[str] = frozenset()
-    ) -> None:
-        """serial: the autopilot's bytes come as a stream, not as datagrams.
-
-        without: monitors to do without (drone_agent.guard.stages), else ValueError.
-        """
+    def __init__(self, config: GuardConfig, t0_ns: int, *, without: frozenset[str] = frozenset()) -> None:
+        """without: monitors to do without (drone_agent.guard.stages), else ValueError."""
         self._without = switched_off(without)
         self._config = config
         self._is_networked = config.is_networked
-        self._t0_ns = self._now_ns = t0_ns
+        self._t0_ns = self._now_ns = self.due_ns = t0_ns
         self._target = Address(config.sysid, DRONE_COMPONENT)
         self._codec = Codec(Address(config.sysid, BRIDGE_COMPONENT))
-        self._from_ground, self._from_autopilot = FrameCutter(), FrameCutter(stream=serial)
+        self._from_ground = FrameCutter()
         self._autopilots_name = Codec(self._target)
         stale_s = 0.0 if "stream-stale" in without else config.stale_setpoint_s
         self._takeover = Takeover(stale_s, None if "own-land" in without else config.stale_land_s)
@@ -130,9 +126,8 @@ class GuardCore:
         """How many frames of each sender beside the autopilot's link ended here: the ground must not miss them."""
         self._rate_offset_reported = False
         self._to_ground: list[bytes] = []
-        self._to_autopilot: list[bytes] = []
+        self._to_autopilot: list[Frame] = []
         self._events: list[Event] = []
-        self._faults: list[Fault] = []
 
     def receive_ground(self, datagram: Datagram, now_ns: int) -> None:
         """Pass what the ground says on to the autopilot, reading what matters."""
@@ -144,17 +139,19 @@ class GuardCore:
                     self._setpoints.rejections.note(frame.source.words, reject_reason, now_ns)
                     continue
             if not self._intercept_from_ground(frame, now_ns):
-                self._to_autopilot.append(frame.data)
+                self._to_autopilot.append(frame)
+        self._update_due()
 
-    def receive_autopilot(self, data: bytes, now_ns: int) -> None:
-        """Pass what the autopilot says on to the ground, reading what matters."""
+    def receive_autopilot(self, frames: Iterable[Frame], now_ns: int) -> None:
+        """Pass the autopilot's frames on to the ground, reading what matters."""
         self._now_ns = now_ns
-        for frame in self._from_autopilot.cut(data):
+        for frame in frames:
             ended = self._intercepted.get(frame.source, 0)
             if self._intercept_from_autopilot(frame, now_ns):
                 self._intercepted[frame.source] = ended + 1
             else:
                 self._to_ground.append(renumbered(frame, frame.seq - ended) if ended else frame.data)
+        self._update_due()
 
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         """Send the autopilot the pose of its body, and hold the body while that pose is faulty."""
@@ -165,6 +162,7 @@ class GuardCore:
         self._act_on_faults()
         if pose is not None:
             self._send_autopilot(pose)
+        self._update_due()
 
     def tick(self, now_ns: int) -> GuardOutgoing:
         """Everything to send now."""
@@ -185,17 +183,16 @@ class GuardCore:
             asks_clock = self._inertial.sync.due(now_ns)
             if asks_clock is not None:
                 self._send_autopilot(asks_clock)
-        self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), stands=self._hold.stands))
+        turn_ns = self._takeover.deadline_ns()
+        if turn_ns is not None and turn_ns <= now_ns:
+            self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), stands=self._hold.stands))
         for event in self._setpoints.due_events(now_ns):
             self._report(event.severity, f"{event.text} (from {event.source})")
-        outgoing = GuardOutgoing(
-            datagrams(self._config.sysid, self._to_ground),
-            datagrams(self._config.sysid, self._to_autopilot),
-            tuple(self._events),
-            self._estimate.pop_innovations(now_ns),
-            tuple(self._faults),
-        )
-        self._to_ground, self._to_autopilot, self._events, self._faults = [], [], [], []
+        to_ground = datagrams(self._config.sysid, self._to_ground) if self._to_ground else ()
+        innovations = self._estimate.pop_innovations(now_ns)
+        outgoing = GuardOutgoing(to_ground, self._to_autopilot, self._events, innovations, self._estimate.faults)
+        self._to_ground, self._to_autopilot, self._events, self._estimate.faults = [], [], [], []
+        self._update_due()
         return outgoing
 
     @property
@@ -213,12 +210,13 @@ class GuardCore:
         """Whether the mocap has shown the body."""
         return self._feed.begun
 
-    def next_deadline_ns(self) -> int:
-        """When `tick` is due if nothing arrives."""
+    def _update_due(self) -> None:
+        """After every input and tick: when `tick` is due if nothing arrives."""
         if self._to_ground or self._to_autopilot or self._events:
-            return self._now_ns
+            self.due_ns = self._now_ns
+            return
         takeover_ns = self._takeover.deadline_ns()
-        return self._beat_ns if takeover_ns is None else min(self._beat_ns, takeover_ns)
+        self.due_ns = self._beat_ns if takeover_ns is None else min(self._beat_ns, takeover_ns)
 
     def _intercept_from_ground(self, frame: Frame, now_ns: int) -> bool:
         """Note what matters; True for a frame that ends here."""
@@ -229,7 +227,7 @@ class GuardCore:
         if frame.number not in READS:
             return False
         try:
-            message = read_frame(frame).message
+            message = read_message(frame)
         except MavlinkError:
             return False
         if isinstance(message, CommandLong | CommandInt):
@@ -237,7 +235,7 @@ class GuardCore:
         if isinstance(message, SetMode):
             self._mode_unknown()
         elif isinstance(message, TimeSync) and message.target.component == BRIDGE_COMPONENT and message.tc1_ns:
-            clock = self._setpoints.setpoint_filter.clock(frame.source)
+            clock = self._setpoints.setpoint_filter.sender(frame.source).clock
             clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, now_ns - self._t0_ns)
             return True
         return False
@@ -245,17 +243,19 @@ class GuardCore:
     def _filter_setpoint(self, frame: Frame, now_ns: int) -> bool:
         """Pass on a setpoint that is obeyed, within bounds."""
         setpoints, source = self._setpoints, frame.source
-        self._report_age(source, stamp_ms(frame), now_ns)
-        filtered = setpoints.filter(frame, now_ns)
+        sender = setpoints.setpoint_filter.sender(source)
+        self._report_age(sender, frame, now_ns)
+        filtered = setpoints.filter(frame, sender, now_ns)
         if filtered.passed is None:
             return True
-        back = filtered.target is not None and self._takeover.note(source, now_ns)
-        if filtered.target is not None and self._takeover.stream.broken:
+        stream = self._takeover.stream
+        back = filtered.target is not None and stream.follow(source, now_ns)
+        if filtered.target is not None and stream.broken:
             return True
         self._to_autopilot.append(filtered.passed)
-        if setpoints.setpoint_filter.asks(source, now_ns):
+        if sender.asks(now_ns):
             self._send_ground(TimeSync(0, now_ns))
-        if self._takeover.stream.stage is Stage.FOLLOW and setpoints.setpoint_filter.is_age_unknown(source):
+        if stream.stage is Stage.FOLLOW and sender.is_age_unknown():
             self._report(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
         if filtered.target is not None:
             self._hold.note(filtered.target, now_ns)
@@ -303,11 +303,10 @@ class GuardCore:
         if frame.number not in READS:
             return False
         try:
-            packet = read_frame(frame)
+            message = read_message(frame)
         except MavlinkError:
             return False
-        message = packet.message
-        if isinstance(message, Heartbeat) and packet.source.component == DRONE_COMPONENT:
+        if isinstance(message, Heartbeat) and frame.source.component == DRONE_COMPONENT:
             self._read_heartbeat(message)
         elif isinstance(message, Origin):
             self._lacks_origin = False
@@ -332,7 +331,7 @@ class GuardCore:
             return ours
         elif isinstance(message, TimeSync):
             # Its poses come from here, so the clock it holds them against must be ours.
-            self._send_autopilot(TimeSync(max(now_ns, 1), message.ts1_ns, packet.source))  # zero would be a request
+            self._send_autopilot(TimeSync(max(now_ns, 1), message.ts1_ns, frame.source))  # zero would be a request
             return True
         return False
 
@@ -372,7 +371,6 @@ class GuardCore:
     def _act_on_faults(self) -> None:
         """Hold a body whose poses are faulty, land one whose thrust is missing, stop one that nobody holds any more."""
         now_ns = self._now_ns
-        self._faults += self._estimate.pop_faults()
         rejected = self._feed.check(now_ns)
         self._setpoints.pose_rejected = bool(rejected)
         if rejected and self._takeover.on_fault(Trigger.POSE_FAULT, now_ns):
@@ -412,10 +410,12 @@ class GuardCore:
         flown = known and not self._feed.stands
         self._estimate.receive_command(self._now_ns, thrust_norm if flown else math.nan, q_lab_from_flu)
 
-    def _report_age(self, source: Address, stamp: int, now_ns: int) -> None:
+    def _report_age(self, sender: Sender, frame: Frame, now_ns: int) -> None:
         rate_hz = self._config.age_rate_hz
-        age_ms = self._setpoints.setpoint_filter.age_ms(source, stamp, now_ns - self._t0_ns)
-        if age_ms is not None and rate_hz > 0.0 and now_ns >= self._age_due_ns:
+        if rate_hz <= 0.0 or now_ns < self._age_due_ns:
+            return
+        age_ms = sender.clock.age_ms(stamp_ms(frame), now_ns - self._t0_ns)
+        if age_ms is not None:
             self._age_due_ns = max(self._age_due_ns + round(1e9 / rate_hz), now_ns)
             self._send_ground(NamedValue((now_ns - self._t0_ns) // 1_000_000, "age_ms", age_ms))
 
@@ -439,7 +439,7 @@ class GuardCore:
         self._to_ground.append(self._codec.encode(message))
 
     def _send_autopilot(self, message: LinkMessage) -> None:
-        self._to_autopilot.append(self._codec.encode(message))
+        self._to_autopilot += self._codec.frames(message)
 
 
 def warm_up() -> None:

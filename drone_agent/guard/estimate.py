@@ -37,6 +37,7 @@ from wire.link_messages import (
 )
 
 _ONE = np.array([0])
+_REASONS = tuple(RejectReason)
 _INNOVATION_NS = 100_000_000
 """Between recorded innovations: ten a second show how a source behaves; what it did is in the log's own streams."""
 _SCALE_LEAST, _SCALE_MOST = 0.4, 2.5
@@ -82,7 +83,8 @@ class BodyEstimate:
         self._rate_flu_rad_s = np.zeros(3)
         self._stands = True
         self._pose_fault = ""
-        self._faults: list[Fault] = []
+        self.faults: list[Fault] = []
+        """Detected, until they are reported."""
         self._commanded_up: tuple[float, float, float] | None = None
         """Where the thrust is commanded to point; None: nobody knows."""
         self._tumbles_since_ns: int | None = None
@@ -93,18 +95,18 @@ class BodyEstimate:
     def receive_imu(self, t_ns: int, sample: InertialSample) -> None:
         """A HIGHRES_IMU, the mean until t_ns; a rate that is not known counts as none."""
         rate = self._rate_flu_rad_s = _known(sample.rate_flu_rad_s)
-        self._navigator.receive_imu(_ONE, np.array([t_ns]), sample.specific_force_flu_m_s2[None], rate[None])
+        if self._navigator.receive_imu(_ONE, np.array([t_ns]), sample.specific_force_flu_m_s2[None], rate[None]):
+            self._collect_faults()
         self._note_rate(t_ns)
-        self._collect_faults()
 
     def receive_attitude(self, t_ns: int, attitude: AttitudeQuaternion) -> None:
         """An ATTITUDE_QUATERNION, of t_ns."""
         q, rate = attitude.q_lab_from_flu, attitude.rate_flu_rad_s
         self._rate_flu_rad_s = _known(rate)
-        self._navigator.receive_attitude(_ONE, np.array([t_ns]), q[None], rate[None])
+        if self._navigator.receive_attitude(_ONE, np.array([t_ns]), q[None], rate[None]):
+            self._collect_faults()
         self._note_rate(t_ns)
         self._note_tilt(t_ns, q)
-        self._collect_faults()
 
     def receive_command(self, t_ns: int, thrust_norm: float, q_lab_from_flu: Quat | None = None) -> None:
         """Thrust and attitude that the autopilot is commanded from t_ns on; NaN: it is on the ground, or nobody knows.
@@ -135,22 +137,15 @@ class BodyEstimate:
             navigator.reset_checks(0)
         counts = navigator.rejected[0, Input.POSE]
         before = counts.tolist()
-        navigator.receive_pose(_ONE, np.array([t_ns]), pos_lab_m[None], q_lab_from_flu[None])
-        self._collect_faults()
+        if navigator.receive_pose(_ONE, np.array([t_ns]), pos_lab_m[None], q_lab_from_flu[None]):
+            self._collect_faults()
         counted = [k for k, (new, old) in enumerate(zip(counts.tolist(), before, strict=True)) if new > old]
-        return RejectReason(counted[0]) if counted else RejectReason.NONE
+        return _REASONS[counted[0]] if counted else RejectReason.NONE
 
     @property
     def pose_fault(self) -> str:
         """The detected fault by which poses are rejected at present, empty where they are not."""
         return self._pose_fault if self._pose_fault and self._navigator.rejecting[0] and not self._stands else ""
-
-    def pop_faults(self) -> tuple[Fault, ...]:
-        """The faults detected since the last call."""
-        if not self._faults:
-            return ()
-        faults, self._faults = tuple(self._faults), []
-        return faults
 
     def is_thrust_lost(self, now_ns: int) -> bool:
         """Whether a detected loss of thrust has lasted: a mixer that saturates in a gust loses some for a moment."""
@@ -188,7 +183,7 @@ class BodyEstimate:
 
     def _collect_faults(self) -> None:
         for fault in self._navigator.new_faults():
-            self._faults.append(fault)
+            self.faults.append(fault)
             if fault.signature.rolls_back:
                 self._pose_fault = fault.signature.name
             elif fault.amplitude[0] < 0.0 and self._loss is None:
@@ -208,9 +203,8 @@ class BodyEstimate:
 
     def motion(self, t_ns: int) -> Motion | None:
         """Where it is at t_ns; None before the first pose."""
-        if not self._navigator.begun(0):
-            return None
-        return Motion(*self._navigator.motion(0, t_ns))
+        motion = self._navigator.motion(0, t_ns)
+        return None if motion is None else Motion(*motion)
 
     def pop_innovations(self, now_ns: int) -> tuple[Innovation, ...]:
         """The newest of every source that was observed, ten times a second; else nothing."""

@@ -7,8 +7,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from drone_agent.guard.stages import RULED, Stage, Trigger
-from drone_agent.guard.stages import advance as next_stage
+from drone_agent.guard.stages import RULED, TABLE, Stage, Trigger
 from formation.messages import Severity
 from wire.link_messages import Address, CommandAck, MavCommand, Result
 
@@ -112,7 +111,7 @@ class StreamFailsafe:
 
     def pull(self, trigger: Trigger, now_ns: int) -> Stage | None:
         """The stage that begins, or begins anew; None where the trigger means nothing now."""
-        after = next_stage(self.stage, trigger)
+        after = TABLE.get((self.stage, trigger))
         if after is None:
             return None
         if after is Stage.HOLD:
@@ -218,10 +217,6 @@ class Takeover:
         """Whether the autopilot is known to follow setpoints, armed."""
         return self._offboard and self._mode_known
 
-    def note(self, source: Address, now_ns: int) -> bool:
-        """A setpoint passed; True where it ends a hold."""
-        return self.stream.follow(source, now_ns)
-
     def mode_unknown(self) -> None:
         """The ground sent a command that may change mode or arming."""
         self._mode_known = False
@@ -273,8 +268,8 @@ class Takeover:
             self._done = True
 
     def deadline_ns(self) -> int | None:
-        """When `due` is next worth asking; None while there is nothing to monitor."""
-        if self._is_to_stop:
+        """When `due` is to be asked; None while there is nothing to monitor."""
+        if self.armed and self.stream.stage is Stage.STOPPED:
             return self._next_command_ns
         if not self._offboard or self._done:
             return None
@@ -282,17 +277,12 @@ class Takeover:
             return self._next_ns
         return self.stream.deadline_ns if self._mode_known else None
 
-    @property
-    def _is_to_stop(self) -> bool:
-        """Whether the motors must not turn, and the autopilot has not said that they do not."""
-        return self.armed and self.stream.stage is Stage.STOPPED
-
     def due(self, now_ns: int, *, fed: bool, stands: bool) -> Turn:
-        """The actions now; fed: the body's own pose is fresh; stands: it was let down and sinks no more."""
-        deadline_ns = self.deadline_ns()
-        if deadline_ns is None or now_ns < deadline_ns:
-            return Turn()
-        if self._is_to_stop:
+        """The actions at `deadline_ns`; fed: the body's own pose is fresh; stands: it was let down and sinks no more.
+
+        A stopped drone's motors must not turn, and are stopped until the autopilot says that they do not.
+        """
+        if self.stream.stage is Stage.STOPPED:
             self._next_command_ns = now_ns + _AGAIN_NS
             return Turn(stops=True)
         begun: list[Stage] = []

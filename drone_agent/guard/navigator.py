@@ -83,20 +83,23 @@ class Navigator:
             body.noise.last_force_flu_m_s2[:] = np.nan
             body.fault.row = -1
 
-    def receive_imu(self, which: Ints, t_ns: Ints, force_flu_m_s2: Float, rate_flu_rad_s: Float) -> None:
-        """HIGHRES_IMU of bodies `which` (k): means until t_ns (k) of specific force and body rate (k, 3)."""
-        receive.receive_imu(self.bodies, self.rejected, which, t_ns, force_flu_m_s2, rate_flu_rad_s)
-        receive.advance_bodies(self.bodies, self._bank, which)
+    def receive_imu(self, which: Ints, t_ns: Ints, force_flu_m_s2: Float, rate_flu_rad_s: Float) -> bool:
+        """HIGHRES_IMU of bodies `which` (k): means until t_ns (k) of specific force and body rate (k, 3).
 
-    def receive_attitude(self, which: Ints, t_ns: Ints, q_lab_from_flu: Float, rate_flu_rad_s: Float) -> None:
+        This and every other observation: whether it shows a fault, which `new_faults` has.
+        """
+        receive.receive_imu(self.bodies, self.rejected, which, t_ns, force_flu_m_s2, rate_flu_rad_s)
+        return receive.advance_bodies(self.bodies, self._bank, which)
+
+    def receive_attitude(self, which: Ints, t_ns: Ints, q_lab_from_flu: Float, rate_flu_rad_s: Float) -> bool:
         """ATTITUDE_QUATERNION (k, 4) and its rates (k, 3); with the thrust it stands in for an absent HIGHRES_IMU."""
         receive.receive_attitude(self.bodies, self.rejected, which, t_ns, q_lab_from_flu, rate_flu_rad_s)
-        receive.advance_bodies(self.bodies, self._bank, which)
+        return receive.advance_bodies(self.bodies, self._bank, which)
 
-    def receive_pose(self, which: Ints, t_capture_ns: Ints, pos_lab_m: Float, q_lab_from_flu: Float) -> None:
+    def receive_pose(self, which: Ints, t_capture_ns: Ints, pos_lab_m: Float, q_lab_from_flu: Float) -> bool:
         """Mocap poses (k, 3) and (k, 4) at their capture times (k)."""
         receive.receive_pose(self.bodies, self.rejected, which, t_capture_ns, pos_lab_m, q_lab_from_flu)
-        receive.advance_bodies(self.bodies, self._bank, which)
+        return receive.advance_bodies(self.bodies, self._bank, which)
 
     def receive_thrust(self, which: Ints, t_ns: Ints, thrust_m_s2: Float) -> None:
         """Thrust commanded to bodies in flight (k), over mass by the profile; NaN: on the ground, or nobody knows."""
@@ -115,17 +118,15 @@ class Navigator:
         rejecting: Bool = self._rejecting_ns != 0
         return rejecting
 
-    def begun(self, i: int) -> bool:
-        """Whether body i was ever seen."""
-        return bool(self._begun[i])
-
     def predicted(self, i: int, t_ns: int) -> Estimate:
         """Body i's motion at a time, its covariance at the newest pose; overwritten by the next call for it."""
         samples.predicted(self.bodies, i, t_ns, self._predicted)
         return self._predicted[i]
 
-    def motion(self, i: int, t_ns: int) -> tuple[Vec3, Vec3]:
-        """Body i's position and velocity in `lab` at a time."""
+    def motion(self, i: int, t_ns: int) -> tuple[Vec3, Vec3] | None:
+        """Body i's position and velocity in `lab` at a time; None before the first pose."""
+        if not self._begun[i]:
+            return None
         samples.predicted(self.bodies, i, t_ns, self._predicted)
         return self._predicted_pos[i].copy(), self._predicted_vel[i].copy()
 

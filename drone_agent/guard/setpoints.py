@@ -21,7 +21,7 @@ from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
 from wire.clock_offset import ClockOffset
 from wire.link_messages import BROADCAST, Address, AttitudeSetpoint, MessageId
-from wire.mavlink.codec import Codec, read_frame
+from wire.mavlink.codec import Codec, read_message
 from wire.mavlink.framing import Frame, MavlinkError
 from wire.rejections import RejectionLog
 
@@ -46,7 +46,7 @@ class RejectReason(Enum):
 
 
 @dataclass(slots=True)
-class _Sender:
+class Sender:
     """One sender of setpoints: its clock, and the last stamp followed."""
 
     clock: ClockOffset = field(default_factory=ClockOffset)
@@ -56,25 +56,30 @@ class _Sender:
     asked_ns: int | None = None
     reported: bool = False
 
+    def is_age_unknown(self) -> bool:
+        """Whether the age of its setpoints is unknown; true once."""
+        if self.on_clock or self.reported:
+            return False
+        self.reported = True
+        return True
+
+    def asks(self, now_ns: int) -> bool:
+        """Whether to ask it for its clock now: five times a second until it has answered."""
+        if self.clock.offset_ns is not None or (self.asked_ns is not None and now_ns - self.asked_ns < ASK_NS):
+            return False
+        self.asked_ns = now_ns
+        return True
+
 
 class SetpointFilter:
     """Rejects setpoints by their stamps, for each sender."""
 
     def __init__(self, without: frozenset[str] = frozenset()) -> None:
         self._ages, self._orders = "stale-setpoint" not in without, "old-setpoint" not in without
-        self._senders: dict[Address, _Sender] = {}
+        self._senders: dict[Address, Sender] = {}
 
-    def clock(self, source: Address) -> ClockOffset:
-        """The clock of that sender against ours."""
-        return self._sender(source).clock
-
-    def age_ms(self, source: Address, stamp_ms: int, now_ns: int) -> float | None:
-        """Age of a stamp; None where its sender's clock is not known."""
-        return self._sender(source).clock.age_ms(stamp_ms, now_ns)
-
-    def judge(self, source: Address, stamp_ms: int, now_ns: int) -> RejectReason | None:
+    def judge(self, sender: Sender, stamp_ms: int, now_ns: int) -> RejectReason | None:
         """Why a setpoint is not to be followed, or None; now_ns: on the clock that TIMESYNC exchanges."""
-        sender = self._sender(source)
         if stamp_ms == 0 and not sender.on_clock:
             return None
         age_ms = sender.clock.since_ms(stamp_ms, now_ns)
@@ -96,29 +101,13 @@ class SetpointFilter:
             if not sender.on_clock:
                 sender.last_ms = None
 
-    def is_age_unknown(self, source: Address) -> bool:
-        """Whether the age of this sender's setpoints is unknown; true once."""
-        sender = self._sender(source)
-        if sender.on_clock or sender.reported:
-            return False
-        sender.reported = True
-        return True
-
-    def asks(self, source: Address, now_ns: int) -> bool:
-        """Whether to ask this sender for its clock now: five times a second until it has answered."""
-        sender = self._sender(source)
-        if sender.clock.offset_ns is not None or (sender.asked_ns is not None and now_ns - sender.asked_ns < ASK_NS):
-            return False
-        sender.asked_ns = now_ns
-        return True
-
-    def _sender(self, source: Address) -> _Sender:
+    def sender(self, source: Address) -> Sender:
         """The state of a sender; of more than eight at a time one whose clock is not known is forgotten first."""
         known = self._senders.get(source)
         if known is None:
             if len(self._senders) >= _SENDERS:
                 del self._senders[min(self._senders, key=lambda address: self._senders[address].on_clock)]
-            known = self._senders[source] = _Sender()
+            known = self._senders[source] = Sender()
         return known
 
 
@@ -173,9 +162,9 @@ SETPOINTS = frozenset({MessageId.SET_ATTITUDE_TARGET, MessageId.SET_POSITION_TAR
 
 
 class FilteredSetpoint(NamedTuple):
-    """The bytes to pass on, None for a rejected setpoint; the attitude target in them, where it is ours."""
+    """The frame to pass on, None for a rejected setpoint; the attitude target in it, where it is ours."""
 
-    passed: bytes | None = None
+    passed: Frame | None = None
     target: AttitudeSetpoint | None = None
 
 
@@ -205,27 +194,27 @@ class BodySetpoints:
             return ()
         return (*self.rejections.due(now_ns), *self.bounded.due(now_ns))
 
-    def filter(self, frame: Frame, now_ns: int) -> FilteredSetpoint:
+    def filter(self, frame: Frame, sender: Sender, now_ns: int) -> FilteredSetpoint:
         """Pass one frame of SETPOINTS unchanged, limit it in its sender's name, or reject it."""
         try:
-            target = read_frame(frame).message
+            target = read_message(frame)
         except MavlinkError:
             return self._reject(frame, RejectReason.UNREADABLE, now_ns)
         attitude = target if isinstance(target, AttitudeSetpoint) else None
         if attitude is not None and attitude.target.system not in (BROADCAST, self._sysid):
-            return FilteredSetpoint(frame.data)
-        reject_reason = self._reject_reason(frame, now_ns)
+            return FilteredSetpoint(frame)
+        reject_reason = self._reject_reason(frame, sender, now_ns)
         if reject_reason is not None:
             return self._reject(frame, reject_reason, now_ns)
         if attitude is None or "setpoint-bounds" in self._without:
-            return FilteredSetpoint(frame.data, attitude)
+            return FilteredSetpoint(frame, attitude)
         bounded = within_bounds(attitude, None)
         if bounded is attitude:
-            return FilteredSetpoint(frame.data, attitude)
+            return FilteredSetpoint(frame, attitude)
         self.bounded.note(frame.source.words, BEYOND, now_ns)
-        return FilteredSetpoint(Codec(frame.source).encode(bounded), bounded)
+        return FilteredSetpoint(Codec(frame.source).frames(bounded)[0], bounded)
 
-    def _reject_reason(self, frame: Frame, now_ns: int) -> RejectReason | None:
+    def _reject_reason(self, frame: Frame, sender: Sender, now_ns: int) -> RejectReason | None:
         stream = self._stream
         if stream.stage in (Stage.LAND, Stage.DESCEND):
             return RejectReason.LANDING
@@ -235,7 +224,7 @@ class BodySetpoints:
             self.setpoint_filter.reset_order()
         if not stream.obeys(frame.source) and "foreign-setpoint" not in self._without:
             return RejectReason.FOREIGN
-        return self.setpoint_filter.judge(frame.source, stamp_ms(frame), now_ns - self._t0_ns)
+        return self.setpoint_filter.judge(sender, stamp_ms(frame), now_ns - self._t0_ns)
 
     def _reject(self, frame: Frame, reject_reason: RejectReason, now_ns: int) -> FilteredSetpoint:
         self.rejections.note(frame.source.words, reject_reason.value, now_ns)

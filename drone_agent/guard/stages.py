@@ -4,11 +4,11 @@ One stage at a time, from disarmed to disarmed; the README shows this very table
 """
 
 from collections.abc import Iterable, Mapping
-from enum import Enum
+from enum import StrEnum
 from types import MappingProxyType
 
 
-class Stage(Enum):
+class Stage(StrEnum):
     """Who guides the drone now."""
 
     DISARMED = "DISARMED"
@@ -21,7 +21,7 @@ class Stage(Enum):
     STOPPED = "STOPPED"  # disarmed, and not to be armed
 
 
-class Trigger(Enum):
+class Trigger(StrEnum):
     """A cause that can change the stage: an order, or something seen to have happened."""
 
     ARM = "arm"

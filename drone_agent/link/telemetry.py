@@ -50,23 +50,19 @@ _LOAD = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class TelemetryBuilder:
-    """Builds telemetry from the autopilot's state at `now_ns`; `builders` are by MAVLink message id."""
+class Telemetry:
+    """What telemetry is made of; what makes it of this, at a time, is in BUILDERS."""
 
     config: SimulatedDroneConfig
     autopilot: Autopilot
     t0_ns: int
-
-    def build(self, number: int, now_ns: int) -> LinkMessage | None:
-        """The message of that id, or None if there is none to send now."""
-        return _BUILDERS[number](self, now_ns)
 
     def boot_ms(self, now_ns: int) -> int:
         """Time since boot, ms."""
         return (now_ns - self.t0_ns) // 1_000_000
 
 
-def _heartbeat(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
+def _heartbeat(t: Telemetry, now_ns: int) -> LinkMessage:
     pilot = t.autopilot
     model = pilot.model
     ready = pilot.armed or pilot.arming_fault(now_ns) is None
@@ -75,7 +71,7 @@ def _heartbeat(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     return Heartbeat(model.table.autopilot, MavType.QUADROTOR, base_mode, pilot.row.custom_mode, status)
 
 
-def _sys_status(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
+def _sys_status(t: Telemetry, now_ns: int) -> LinkMessage:
     pilot = t.autopilot
     receiver = SensorFlag.VISION_POSITION if t.config.pose == "mocap" else SensorFlag.GPS
     present = _PRESENT | receiver
@@ -92,24 +88,24 @@ def _sys_status(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     return SysStatus(present, enabled, healthy, _LOAD, pack.voltage_v, pack.current_a, pack.remaining)
 
 
-def _attitude(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
+def _attitude(t: Telemetry, _now_ns: int) -> LinkMessage:
     estimate = t.autopilot.estimator
     return Attitude(t.boot_ms(estimate.t_ns), estimate.q_lab_from_flu, estimate.rate_flu_rad_s)
 
 
-def _attitude_quaternion(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
+def _attitude_quaternion(t: Telemetry, _now_ns: int) -> LinkMessage:
     estimate = t.autopilot.estimator
     return AttitudeQuaternion(t.boot_ms(estimate.t_ns), estimate.q_lab_from_flu, estimate.rate_flu_rad_s)
 
 
-def _inertial(t: TelemetryBuilder, _now_ns: int) -> LinkMessage | None:
+def _inertial(t: Telemetry, _now_ns: int) -> LinkMessage | None:
     sample = t.autopilot.vehicle.newest_sample
     if sample is None:
         return None
     return InertialSample((sample.t_ns - t.t0_ns) // 1000, sample.specific_force_flu_m_s2, sample.rate_flu_rad_s)
 
 
-def _local_position(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
+def _local_position(t: Telemetry, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
     if not pilot.estimator.valid(now_ns):
         return None
@@ -117,7 +113,7 @@ def _local_position(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
     return LocalPosition(t.boot_ms(estimate.t_ns), estimate.pos_lab_m, estimate.vel_lab_m_s)
 
 
-def _global_position(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
+def _global_position(t: Telemetry, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
     if pilot.origin is None or not pilot.estimator.valid(now_ns):
         return None
@@ -128,7 +124,7 @@ def _global_position(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
     return GlobalPosition(t.boot_ms(now_ns), lat, lon, alt, belief.pos_lab_m[2] - ground_m, vel, belief.yaw_rad)
 
 
-def _home(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
+def _home(t: Telemetry, now_ns: int) -> LinkMessage | None:
     pilot = t.autopilot
     if pilot.origin is None or not pilot.estimator.valid(now_ns):
         return None
@@ -137,12 +133,12 @@ def _home(t: TelemetryBuilder, now_ns: int) -> LinkMessage | None:
     return HomePosition(lat, lon, alt, np.array(home_lab_m))
 
 
-def _battery(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
+def _battery(t: Telemetry, _now_ns: int) -> LinkMessage:
     pack = t.autopilot.vehicle.pack
     return Battery((pack.cell_v,) * pack.profile.cells, pack.current_a, pack.used_mah, pack.remaining)
 
 
-def _extended(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
+def _extended(t: Telemetry, _now_ns: int) -> LinkMessage:
     pilot = t.autopilot
     if pilot.landed:
         return ExtendedSysState(LandedState.ON_GROUND)
@@ -151,7 +147,7 @@ def _extended(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
     return ExtendedSysState(LandedState.LANDING if landing else rising)
 
 
-def _estimator(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
+def _estimator(t: Telemetry, now_ns: int) -> LinkMessage:
     pilot = t.autopilot
     placed = pilot.origin is not None or not pilot.model.table.needs_origin
     valid = placed and pilot.estimator.valid(now_ns)
@@ -159,25 +155,25 @@ def _estimator(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
     return EkfStatus(flags, t.autopilot.model.table.autopilot is MavAutopilot.ARDUPILOT)
 
 
-def _target(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
+def _target(t: Telemetry, now_ns: int) -> LinkMessage:
     now = t.autopilot.vehicle.setpoint
     return AttitudeTargetReport(t.boot_ms(now_ns), now.q_lab_from_flu, now.rate_flu_rad_s, now.thrust_norm, Ignore.NONE)
 
 
-def _timesync(t: TelemetryBuilder, now_ns: int) -> LinkMessage:
+def _timesync(t: Telemetry, now_ns: int) -> LinkMessage:
     return TimeSync(0, now_ns - t.t0_ns)
 
 
-def _origin(t: TelemetryBuilder, _now_ns: int) -> LinkMessage | None:
+def _origin(t: Telemetry, _now_ns: int) -> LinkMessage | None:
     return None if t.autopilot.origin is None else Origin(*t.autopilot.origin)
 
 
-def _version(t: TelemetryBuilder, _now_ns: int) -> LinkMessage:
+def _version(t: Telemetry, _now_ns: int) -> LinkMessage:
     model = t.autopilot.model
     return AutopilotVersion(model.capabilities, model.version, t.config.sysid)
 
 
-_BUILDERS: dict[int, Callable[[TelemetryBuilder, int], LinkMessage | None]] = {
+BUILDERS: dict[int, Callable[[Telemetry, int], LinkMessage | None]] = {
     MessageId.HEARTBEAT: _heartbeat,
     MessageId.SYS_STATUS: _sys_status,
     MessageId.ATTITUDE: _attitude,
@@ -195,5 +191,6 @@ _BUILDERS: dict[int, Callable[[TelemetryBuilder, int], LinkMessage | None]] = {
     MessageId.HOME_POSITION: _home,
     MessageId.EXTENDED_SYS_STATE: _extended,
 }
+"""By message id; None: there is none to send now."""
 ON_REQUEST = frozenset({MessageId.GPS_GLOBAL_ORIGIN, MessageId.AUTOPILOT_VERSION})
 """Sent when asked for, never at a rate."""

@@ -91,7 +91,10 @@ class Airframe:
         self._sensors = Sensors(inertial, reader, t0_ns, self.state, has_receiver=has_receiver)
         self._attitudes: tuple[Quat, Quat] = (IDENTITY, IDENTITY)
         """True and as the autopilot has it, at the last sample; until the next both turn by the same gyroscope."""
-        self._flown, self._turned_from = LoopSetpoint(IDENTITY, np.zeros(3), 0.0), self.setpoint
+        self._flown = LoopSetpoint(IDENTITY, np.zeros(3), 0.0)
+        """What the autopilot's attitude estimate makes of the setpoint asked for."""
+        self._turned_from: LoopSetpoint | None = self.setpoint
+        """Of which `_flown` was made; None: of none with the attitudes of now."""
         self._delay_ns = round(profile.command_delay_s * 1e9)
         self._physics = physics
         self._t0_ns = t0_ns
@@ -137,7 +140,7 @@ class Airframe:
             if self.t_ns >= self._sensors.next_ns:
                 q_estimated = self._sensors.sample(self.t_ns, self.state)
                 self._attitudes = (self.state.q_lab_from_flu, q_estimated.copy())
-                self._turn_setpoint()
+                self._turned_from = None
 
     def state_at(self, now_ns: int) -> VehicleState:
         """The state at `now_ns`, at most one step past the grid's present, which does not move."""
@@ -157,15 +160,11 @@ class Airframe:
     def _integrated(self, dt_s: float, steps: int) -> VehicleState:
         scale, gain = self.pack.thrust_scale, self.motor_gain
         if self._turned_from is not self.setpoint:
-            self._turn_setpoint()
+            turn_target(*self._attitudes, self.setpoint.target, self._flown.target)
+            self._turned_from = self.setpoint
         return self._physics.advance(
             self.state, self.profile, self._flown, self.armed, self._push, dt_s, steps, scale, gain
         )
-
-    def _turn_setpoint(self) -> None:
-        """Make the flown setpoint what the autopilot's attitude estimate makes of the one asked for."""
-        turn_target(*self._attitudes, self.setpoint.target, self._flown.target)
-        self._turned_from = self.setpoint
 
     def _disturbance(self) -> Vec3:
         push = np.empty(3)

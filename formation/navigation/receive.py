@@ -138,10 +138,15 @@ def receive_thrust(bodies: Rows[Body], rejected: Ints, which: Ints, t_ns: Ints, 
 
 
 @kernel
-def advance_bodies(bodies: Rows[Body], bank: Bank, which: Ints) -> None:
-    """Uses what bodies `which` (k) have received as far as it can be used; after every input."""
+def advance_bodies(bodies: Rows[Body], bank: Bank, which: Ints) -> bool:
+    """Uses what bodies `which` (k) have received, as far as it can be; whether it shows a fault. After every input."""
+    found = False
     for k in range(len(which)):
+        fault = bodies[which[k]].fault
+        before_ns = fault.t_ns
         advance(bodies[which[k]], bank, which[k])
+        found |= fault.t_ns != before_ns
+    return found
 
 
 @kernel

@@ -229,8 +229,9 @@ class DroneLink:
             self.received_ns = now_ns
             self.sequence.note(packet.seq, now_ns, skipped)
             self._read(packet.message, now_ns)
-        self._overhear(self.codec.overheard, now_ns)
-        self.codec.overheard = None
+        if self.codec.overheard is not None:
+            self._overhear(self.codec.overheard, now_ns)
+            self.codec.overheard = None
 
     def due(self, now_ns: int) -> list[LinkMessage]:
         """Answers, time sync, commands and parameter requests to send now."""

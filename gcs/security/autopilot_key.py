@@ -34,7 +34,7 @@ _SETUP_SIGNING = layout("SETUP_SIGNING", 3 + KEY_BYTES)
 
 def setup_signing(sysid: int, component: int, key: bytes, stamp: int, seq: int) -> bytes:
     """SETUP_SIGNING (256) for an autopilot: its key, and the stamp from which packets count."""
-    return framed(_SETUP_SIGNING, _SETUP_SIGNING.pack((sysid, component, *key, stamp)), GROUND, seq)
+    return framed(_SETUP_SIGNING, (sysid, component, *key, stamp), GROUND, seq).data
 
 
 def send_key(own: Path, line: str) -> ProbeOutcome:

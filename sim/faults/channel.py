@@ -11,9 +11,9 @@ from formation.messages import Datagram
 from sim.faults.fault import Family, Fault
 from sim.faults.queue import DueQueue
 from wire.link_messages import AttitudeSetpoint
-from wire.mavlink.codec import Codec, read_frame
+from wire.mavlink.codec import Codec, read_message
 from wire.mavlink.framing import FrameCutter
-from wire.transport.memory_bus import NOTHING_DUE_NS, DelayModel
+from wire.transport.memory_bus import DelayModel
 
 OVERTAKEN_NS = 30_000_000
 AGAIN_NS = 5_000_000
@@ -35,18 +35,13 @@ class Channel:
     def __init__(self, delay: DelayModel, rng: np.random.Generator) -> None:
         self._delay = delay
         self._rng = rng
-        self._queue = DueQueue[Sent]()
+        self.arriving = DueQueue[Sent]()
+        """The packets on their way."""
         self._last_due_ns = 0
-        self.next_due_ns = NOTHING_DUE_NS
-        """When something arrives."""
         self._history: deque[Sent] = deque()
 
     def push(self, now_ns: int, datagram: Datagram, faults: Sequence[tuple[Fault, int]] = ()) -> None:
         """Send it now; faults: those that act on this link now, each with its onset."""
-        self._push(now_ns, datagram, faults)
-        self.next_due_ns = self._queue.next_due_ns
-
-    def _push(self, now_ns: int, datagram: Datagram, faults: Sequence[tuple[Fault, int]]) -> None:
         sent = Sent(now_ns, datagram)
         self._history.append(sent)
         while self._history[0].t_ns < now_ns - REMEMBERED_NS:
@@ -58,7 +53,7 @@ class Channel:
             return
         for fault, _ in faults:
             if fault.family is Family.REPLAY and (old := self._sent_before(now_ns - round(fault.severity * 1e9))):
-                self._queue.push(now_ns + (delay_ns or 0) + AGAIN_NS, old)
+                self.arriving.push(now_ns + (delay_ns or 0) + AGAIN_NS, old)
         held_ns, again = 0, False
         for fault, onset_ns in faults:
             luck, tail = self._rng.random(), self._rng.standard_exponential()
@@ -83,23 +78,15 @@ class Channel:
         if delay_ns is None:
             return
         if held_ns:
-            self._queue.push(now_ns + delay_ns + held_ns, sent)
+            self.arriving.push(now_ns + delay_ns + held_ns, sent)
         else:
             self._enqueue(now_ns + delay_ns, sent)
         if again:
-            self._queue.push(now_ns + delay_ns + OVERTAKEN_NS, sent)
-
-    def pop_due(self, now_ns: int) -> list[Sent]:
-        """The packets that have arrived by now."""
-        if now_ns < self.next_due_ns:
-            return []
-        due = self._queue.pop_due(now_ns)
-        self.next_due_ns = self._queue.next_due_ns
-        return due
+            self.arriving.push(now_ns + delay_ns + OVERTAKEN_NS, sent)
 
     def _enqueue(self, due_ns: int, sent: Sent) -> None:
         self._last_due_ns = max(due_ns, self._last_due_ns)
-        self._queue.push(self._last_due_ns, sent)
+        self.arriving.push(self._last_due_ns, sent)
 
     def _sent_before(self, t_ns: int) -> Sent | None:
         """The last that was sent until then; each is said again once."""
@@ -126,7 +113,7 @@ def tilted(data: bytes, tilt_rad: float) -> bytes:
                 q_lab_from_flu=multiply(message.q_lab_from_flu, from_rotation_vector(np.array([tilt_rad, 0.0, 0.0])))
             )
         )
-        if isinstance(message := read_frame(frame).message, AttitudeSetpoint)
+        if isinstance(message := read_message(frame), AttitudeSetpoint)
         else frame.data
         for frame in FrameCutter().cut(data)
     )

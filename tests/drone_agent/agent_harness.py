@@ -80,7 +80,7 @@ class Harness:
             self.heard += [(self.now_ns, packet.message) for packet in self.codec.receive(datagram.data)]
 
     def run_to(self, t_ns: int) -> None:
-        while (due_ns := self.core.next_deadline_ns()) <= t_ns:
+        while (due_ns := self.core.due_ns) <= t_ns:
             self.now_ns = max(due_ns, self.now_ns)
             self.tick()
         self.now_ns = t_ns
@@ -110,7 +110,7 @@ class Harness:
             self.seq, self.now_ns, ("stranger", self.config.body_name), np.array([[9.0, 9.0, 9.0], pos]),
             np.array([LEVEL, q]), np.array([True, True]),
         )  # fmt: skip
-        self.core.receive(frame, self.now_ns)
+        self.core.receive_frame(frame, self.now_ns)
         self.tick()
 
     def send(self, *messages: LinkMessage) -> None:

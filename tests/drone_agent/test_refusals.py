@@ -113,12 +113,13 @@ def test_a_client_without_timesync_flies_and_that_is_said_once() -> None:
 
 def test_the_gate_knows_a_clock_of_its_own_from_an_old_stamp() -> None:
     gate = SetpointFilter()
-    gate.clock(GROUND).exchange(0, 500 * S, 2 * MS)
-    assert gate.judge(GROUND, 77, 100 * MS) is None  # MAVSDK answers TIMESYNC on another clock than it stamps
-    assert gate.judge(GROUND, 500_099, 100 * MS) is None
-    assert gate.judge(GROUND, 77, 110 * MS) is RejectReason.STALE  # from now on its stamps are known to be on the clock
-    assert gate.judge(GROUND, 500_200, 110 * MS) is RejectReason.STALE  # of the future
-    assert gate.judge(GROUND, 500_099, 110 * MS) is RejectReason.OLD
+    ground = gate.sender(GROUND)
+    ground.clock.exchange(0, 500 * S, 2 * MS)
+    assert gate.judge(ground, 77, 100 * MS) is None  # MAVSDK answers TIMESYNC on another clock than it stamps
+    assert gate.judge(ground, 500_099, 100 * MS) is None
+    assert gate.judge(ground, 77, 110 * MS) is RejectReason.STALE  # from now on its stamps are known to be on the clock
+    assert gate.judge(ground, 500_200, 110 * MS) is RejectReason.STALE  # of the future
+    assert gate.judge(ground, 500_099, 110 * MS) is RejectReason.OLD
 
 
 def test_a_ground_that_took_over_and_says_nothing_is_landed() -> None:

@@ -61,7 +61,7 @@ from wire.link_messages import (
     TimeSync,
     VisionPose,
 )
-from wire.mavlink.codec import read_frame
+from wire.mavlink.codec import read_message
 from wire.mavlink.framing import FrameCutter, MavlinkError
 
 U8, U16, U32 = st.integers(0, 255), st.integers(0, 2**16 - 1), st.integers(0, 2**32 - 1)
@@ -200,4 +200,4 @@ def decode_packet(data: bytes) -> Packet:
     frames = FrameCutter().cut(data)
     if [frame.data for frame in frames] != [data]:
         raise MavlinkError("not one whole MAVLink packet with its checksum")
-    return read_frame(frames[0])
+    return Packet(frames[0].source, frames[0].seq, read_message(frames[0]))

@@ -172,7 +172,8 @@ class Bridge:
 
     def __init__(self, draw: Draw, counts: Counter[str], *, serial: bool) -> None:
         self._draw, self._counts, self._now_ns = draw, counts, 10**12
-        self._core = GuardCore(GuardConfig(sysid=SYSID, body="left"), self._now_ns, serial=serial)
+        self._core = GuardCore(GuardConfig(sysid=SYSID, body="left"), self._now_ns)
+        self._line = FrameCutter(stream=serial)
         self._tries = 24 if serial else 1  # a line may owe the end of a frame
         self._ground, self._drone = Codec(GROUND), Codec(TARGET)
 
@@ -183,7 +184,7 @@ class Bridge:
         if kind < 0.45:
             core.receive_ground(Datagram(SYSID, draw.datagram(self._ground, TARGET)), self._now_ns)
         elif kind < 0.9:
-            core.receive_autopilot(draw.datagram(self._drone, GROUND), self._now_ns)
+            core.receive_autopilot(self._line.cut(draw.datagram(self._drone, GROUND)), self._now_ns)
         else:
             q = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
             sound = LabFrame(1, self._now_ns, ("lead", "left"), np.zeros((2, 3)), q, np.ones(2, bool), self._now_ns)
@@ -197,9 +198,11 @@ class Bridge:
         order, beat, passed = self._ground.encode(ASK_VERSION), self._drone.encode(BEAT), set[tuple[int, bytes]]()
         for _ in range(self._tries):
             self._core.receive_ground(Datagram(SYSID, order), self._now_ns)
-            self._core.receive_autopilot(beat, self._now_ns)
+            self._core.receive_autopilot(self._line.cut(beat), self._now_ns)
             out = self._core.tick(self._now_ns)
-            passed |= contents(*(datagram.data for datagram in (*out.to_autopilot, *out.to_ground)))
+            passed |= contents(
+                *(frame.data for frame in out.to_autopilot), *(datagram.data for datagram in out.to_ground)
+            )
         return "" if contents(order, beat) <= passed else "the bridge does not pass what is valid"
 
 

@@ -5,7 +5,7 @@ that error and goes on. Bytes out are those of pymavlink, whose tables are used 
 """
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from wire.link_messages import (
@@ -20,12 +20,13 @@ from wire.link_messages import (
     UnknownMessage,
 )
 from wire.mavlink.framing import Fields, Frame, FrameCutter, Layout, MavlinkError, framed
-from wire.mavlink.messages import READERS, WRITERS, Read
+from wire.mavlink.messages import READERS, TABLE, WRITERS, Read
 from wire.mavlink.text import STATUSTEXT, TextChunk, TextJoiner, chunk_text, text_of
 
 # What says for whom it is: both numbers of an address, or the system alone.
 _ADDRESSED = frozenset(kind for kind in WRITERS if "target" in kind.__match_args__)
 _FOR_SYSTEM = frozenset(kind for kind in WRITERS if "target_system" in kind.__match_args__)
+_TARGETED = frozenset(each.layout.id for each in TABLE if each.kind in _ADDRESSED | _FOR_SYSTEM)
 _REAL32 = struct.Struct("<f")
 _BYTEWISE = {
     ParamType.UINT8: struct.Struct("<Bxxx"),
@@ -38,15 +39,13 @@ _BYTEWISE = {
 }
 
 
-def read_frame(frame: Frame) -> Packet:
+def read_message(frame: Frame) -> LinkMessage:
     """The message in a frame; a chunk of a long text reads as a text of its own. Raises MavlinkError.
 
-    A packet of an id that nothing here reads is Unknown.
+    One of an id that nothing here reads is Unknown.
     """
     message = _read(frame, READERS)
-    if isinstance(message, TextChunk):
-        message = text_of(message.severity, [message.part])
-    return Packet(frame.source, frame.seq, message)
+    return text_of(message.severity, [message.part]) if isinstance(message, TextChunk) else message
 
 
 class Codec:
@@ -71,19 +70,23 @@ class Codec:
         self._texts = TextJoiner()
 
     def encode(self, message: LinkMessage) -> bytes:
-        """The packet of `message` (several, end to end, for a long text).
+        """The bytes of its frames, end to end. Raises MavlinkError as `frames` does."""
+        return b"".join([frame.data for frame in self.frames(message)])
+
+    def frames(self, message: LinkMessage) -> list[Frame]:
+        """The frame of `message`; several for a long text.
 
         Raises MavlinkError where MAVLink cannot carry it: a number out of its field's range, a name too long.
         """
         if isinstance(message, StatusText):
             self._text_id = self._text_id % 0xFFFF + 1
-            return b"".join(self._frame(STATUSTEXT, chunk) for chunk in chunk_text(message, self._text_id))
+            return [self._frame(STATUSTEXT, chunk) for chunk in chunk_text(message, self._text_id)]
         write = WRITERS.get(type(message))
         if write is None:
             raise MavlinkError(f"{type(message).__name__} has no bytes of its own")
         try:
             layout, fields = write(message)
-            return self._frame(layout, fields)
+            return [self._frame(layout, fields)]
         except (struct.error, OverflowError, ValueError) as error:  # NaN in the place of an integer, too
             raise MavlinkError(f"{type(message).__name__}: {error}") from error
 
@@ -105,8 +108,12 @@ class Codec:
 
     def receive(self, data: bytes) -> list[Packet]:
         """The packets in `data`, in order; never raises, what cannot be read is skipped and counted."""
+        return self.read(self._cutter.cut(data))
+
+    def read(self, frames: Iterable[Frame]) -> list[Packet]:
+        """The packets in frames that somebody else has cut, in order, by the same rules."""
         packets: list[Packet] = []
-        for frame in self._cutter.cut(data):
+        for frame in frames:
             source, seq = frame.source, frame.seq
             try:
                 message = _read(frame, self._readers)
@@ -115,7 +122,7 @@ class Codec:
                 continue
             if isinstance(message, TextChunk):
                 packets += [Packet(source, seq, text) for text in self._texts.join(source, message)]
-            elif self._is_ours(message):
+            elif frame.number not in _TARGETED or self._is_ours(message):
                 packets.append(Packet(source, seq, message))
             else:
                 self.misaddressed_packets += 1
@@ -131,10 +138,10 @@ class Codec:
             return target.system in (BROADCAST, own.system) and target.component in (BROADCAST, own.component)
         return kind not in _FOR_SYSTEM or message.target_system in (BROADCAST, own.system)
 
-    def _frame(self, layout: Layout, fields: Fields) -> bytes:
-        data = framed(layout, layout.pack(fields), self.own, self._seq)  # which may raise, and then takes no number
+    def _frame(self, layout: Layout, fields: Fields) -> Frame:
+        frame = framed(layout, fields, self.own, self._seq)  # which may raise, and then takes no number
         self._seq = (self._seq + 1) & 0xFF
-        return data
+        return frame
 
 
 def _read(frame: Frame, readers: Mapping[int, tuple[Layout, Read]]) -> LinkMessage | TextChunk:
@@ -142,11 +149,13 @@ def _read(frame: Frame, readers: Mapping[int, tuple[Layout, Read]]) -> LinkMessa
     known = readers.get(frame.number)
     if known is None:
         return UnknownMessage(frame.number)
-    layout, read = known
-    try:
-        message: LinkMessage | TextChunk = read(layout.unpack(frame.payload))
-    except ValueError as error:
-        raise MavlinkError(f"{layout.name}: {error}") from error
+    if frame.message is None:
+        layout, read = known
+        try:
+            frame.message = read(layout.unpack(frame.payload))
+        except ValueError as error:
+            raise MavlinkError(f"{layout.name}: {error}") from error
+    message: LinkMessage | TextChunk = frame.message
     return message
 
 

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from fastcrc import crc16
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -109,14 +109,19 @@ def field_codes(structure: str) -> list[str]:
     return codes
 
 
-class Frame(NamedTuple):
-    """One whole frame: its bytes as they came, its message, its sender, its sequence number and its payload."""
+@dataclass(slots=True, eq=False)
+class Frame:
+    """One whole frame: its bytes as they came, its message's number, its sender, its sequence number and its payload.
+
+    message: what it says, once somebody has read it (wire.mavlink.codec); it is read once, however many it reaches.
+    """
 
     data: bytes
     number: int
     source: Address
     seq: int
     payload: bytes
+    message: Any = None
 
     @property
     def head(self) -> int:
@@ -191,14 +196,27 @@ def packed(frames: bytes) -> list[bytes]:
     return [*datagrams, frames[start:]] if at > start else datagrams
 
 
-def framed(layout: Layout, payload: bytes, source: Address, seq: int) -> bytes:
-    """One MAVLink 2 frame, unsigned."""
+def framed(layout: Layout, fields: Fields, source: Address, seq: int) -> Frame:
+    """One MAVLink 2 frame, unsigned; raises `struct.error`, `OverflowError`."""
     number = layout.id
+    payload = layout.pack(fields)
     head = _WRITTEN_2.pack(
         MAGIC_2, len(payload), 0, 0, seq, source.system, source.component, number & 0xFFFF, number >> 16
     )
     crc: int = _mcrf4xx(head[1:] + payload + _SEED[layout.crc_extra])
-    return head + payload + crc.to_bytes(2, "little")
+    return Frame(head + payload + crc.to_bytes(2, "little"), number, source, seq, payload)
+
+
+def frame_count(datagram: bytes) -> int:
+    """How many whole frames a datagram holds, one after the other, as their heads say; sound or not."""
+    at = count = 0
+    end = len(datagram)
+    while at < end:
+        stop = _stop(datagram, at, end)
+        if not at < stop <= end:
+            break
+        at, count = stop, count + 1
+    return count
 
 
 def renumbered(frame: Frame, seq: int) -> bytes:

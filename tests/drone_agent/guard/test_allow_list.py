@@ -48,7 +48,7 @@ def bridge(*, armed: bool = False, **config: object) -> GuardCore:
     """A bridge of drone 1, whose autopilot has been heard."""
     core = GuardCore(GuardConfig(body="b", **config), 0)
     beat = Heartbeat(MavAutopilot.PX4, 2, 128 if armed else 0, 0, MavState.ACTIVE)
-    core.receive_autopilot(Codec(Address(SYSID, 1)).encode(beat), 1)
+    core.receive_autopilot(Codec(Address(SYSID, 1)).frames(beat), 1)
     core.tick(1)
     return core
 

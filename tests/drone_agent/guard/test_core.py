@@ -24,23 +24,24 @@ from wire.link_messages import (
     command_long,
 )
 from wire.mavlink.codec import Codec
+from wire.mavlink.framing import FrameCutter
 
 SIH = InertialError(noise_m_s2=1.52, rate_noise_rad_s=0.125)
 """The noise of an armed vehicle in PX4's own simulation."""
 
 
 def test_frames_pass_byte_for_byte() -> None:
-    bridge = GuardCore(GuardConfig(), 0, serial=True)
+    bridge, line = GuardCore(GuardConfig(), 0), FrameCutter(stream=True)
     bridge.tick(0)
     ground, drone = Codec(GROUND), Codec(Address(1, 1))
     unknown = b"\xfd\x01\x00\x00\x07\x01\x01\xff\xfe\x0e\x2a\x11\x22"
     down = ground.encode(command_long(Address(1, 1), 400, 1.0))
     bridge.receive_ground(Datagram(1, down + unknown), 1)
     up = drone.encode(LocalPosition(5, np.ones(3), np.zeros(3)))
-    bridge.receive_autopilot(up[:7], 1)
-    bridge.receive_autopilot(b"noise" + up[7:], 1)
-    bridge.receive_autopilot(up[:9], 1)
-    bridge.receive_autopilot(up[9:] + unknown, 1)
+    bridge.receive_autopilot(line.cut(up[:7]), 1)
+    bridge.receive_autopilot(line.cut(b"noise" + up[7:]), 1)
+    bridge.receive_autopilot(line.cut(up[:9]), 1)
+    bridge.receive_autopilot(line.cut(up[9:] + unknown), 1)
     out = bridge.tick(1)
     assert b"".join(d.data for d in out.to_autopilot) == down + unknown
     assert b"".join(d.data for d in out.to_ground) == up + unknown
@@ -114,7 +115,7 @@ def test_an_ardupilot_is_given_its_origin_and_again_after_a_restart() -> None:
 
 def test_tells_of_an_autopilot_with_another_number() -> None:
     bridge = GuardCore(GuardConfig(body="b"), 0)
-    bridge.receive_autopilot(Codec(Address(7, 1)).encode(LocalPosition(5, np.ones(3), np.zeros(3))), 1)
+    bridge.receive_autopilot(Codec(Address(7, 1)).frames(LocalPosition(5, np.ones(3), np.zeros(3))), 1)
     out = bridge.tick(1)
     assert [e.text for e in out.events] == ["The autopilot says it is system 7, not 1"]
     heard = [p.message for d in out.to_ground for p in Codec(GROUND).receive(d.data)]

@@ -71,7 +71,7 @@ class Bridged:
 
     def beat(self, mode: FlightMode, *, armed: bool = True) -> None:
         beat = Heartbeat(MavAutopilot.PX4, 2, 128 if armed else 0, PX4.custom_mode(mode), 4)
-        self.core.receive_autopilot(self.drone.encode(beat), self.now_ns)
+        self.core.receive_autopilot(self.drone.frames(beat), self.now_ns)
         self.turn()
 
     def say(self, source: Address, message: LinkMessage) -> list[LinkMessage]:

@@ -21,7 +21,7 @@ def sent(family: Family, severity: float, count: int = 400) -> list[tuple[int, i
     for t_ms in range(count + 2000):
         if t_ms < count:
             link.push(t_ms * MS, Datagram(1, t_ms.to_bytes(4, "big")), [(fault, 0)])
-        arrived += [(t_ms, item.t_ns // MS, item.datagram.data) for item in link.pop_due(t_ms * MS)]
+        arrived += [(t_ms, item.t_ns // MS, item.datagram.data) for item in link.arriving.pop_due(t_ms * MS)]
     return arrived
 
 

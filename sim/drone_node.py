@@ -53,8 +53,8 @@ class DroneNode:
     """
 
     __slots__ = (
-        "_config", "_guards", "_input", "_received", "_without", "autopilot", "down", "drone", "events",
-        "faults", "followed_ns", "innovations", "own_due_ns", "row", "sysid", "up",
+        "_config", "_guards", "_input", "_received", "_without", "autopilot", "down", "drone", "due_ns", "entered_ns",
+        "events", "faults", "followed_ns", "innovations", "row", "sysid", "up",
     )  # fmt: skip
 
     def __init__(
@@ -79,8 +79,10 @@ class DroneNode:
         model = scenario.link
         self.down = _channel(model, model.down_s, [seed, 3, config.sysid])
         self.up = _channel(model, model.up_s, [seed, 4, config.sysid])
-        self.own_due_ns = now_ns
+        self.due_ns = now_ns
         """When guard or autopilot has something to do of itself, as the last tick left them."""
+        self.entered_ns = -1
+        """For when the flight has entered it in what is due."""
         self.row = 0
         """Among the flight's drones, in the order in which they are served."""
         self.events: list[Event] = []
@@ -90,11 +92,6 @@ class DroneNode:
         self._input = ProcessInput[LabFrame | Sent | list[Frame]]()
         self._received = (now_ns, now_ns)
         """When the guards last received a ground's datagram, and when it was sent."""
-
-    @property
-    def due_ns(self) -> int:
-        """When it has work to do; after any change from outside `own_due_ns` is to be the drone's."""
-        return min(self.own_due_ns, self.down.arriving.next_due_ns, self.up.arriving.next_due_ns)
 
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
         """Receive a mocap frame."""
@@ -120,7 +117,7 @@ class DroneNode:
             received_ns, sent_ns = self._received
             passed = received_ns == now_ns and not _flown_by_guard(outgoing.to_autopilot)
             self.followed_ns = sent_ns if passed else now_ns
-        self.own_due_ns = self.drone.due_ns
+        self.due_ns = self.drone.due_ns
         return outgoing.datagrams
 
     def sample(self) -> Sample:

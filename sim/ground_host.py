@@ -12,7 +12,7 @@ from gcs.recording import Input, Record, Recorder
 from sim.monitors import Without
 from sim.process_input import ProcessInput
 from wire.ground_state import GroundState
-from wire.mavlink.framing import FrameCutter
+from wire.mavlink.framing import frame_count
 from wire.process.deadline import Deadline
 from wire.transport.link import PAUSE_S, TURN_NS, Backlog, LinkCounters
 from wire.transport.memory_bus import NOTHING_DUE_NS
@@ -48,7 +48,7 @@ class VirtualIntake:
         self.due_ns = NOTHING_DUE_NS
         for datagram in self._backlog.dequeue():
             yield datagram
-            self._idle_ns += self._work_ns * max(len(FrameCutter().cut(datagram.data)), 1) if self._work_ns else 0
+            self._idle_ns += self._work_ns * max(frame_count(datagram.data), 1) if self._work_ns else 0
             if self._idle_ns - now_ns >= TURN_NS:
                 self.due_ns = self._idle_ns + PAUSE_NS
                 break

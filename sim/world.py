@@ -5,29 +5,36 @@ is where a scenario's faults act.
 """
 
 from collections.abc import Sequence
+from heapq import heappop, heappush
+from itertools import count
 
 from drone_agent.simulation.attitude_loop import OWN, Physics
 from formation.control.presets import Preset
-from formation.messages import Datagram, Event, HostReport, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
+from formation.messages import Event, HostReport, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
 from formation.topics import INNOVATION, MOCAP_EVENT, TRUTH
 from gcs.recording import Input, Record
 from mocap.core import MocapCore
 from sim.cameras.emulator import MocapEmulator
 from sim.drone_node import DroneNode, Sample
 from sim.faults import vehicle
+from sim.faults.channel import Sent
 from sim.faults.fault import GROUND_RECEIVER, Family, Fault, Site
 from sim.faults.onsets import Onsets
 from sim.faults.poses import CameraFaults, Thinning, late_ns
-from sim.faults.queue import Agenda, DueQueue
+from sim.faults.queue import DueQueue
 from sim.ground_host import REQUEST_DELAY_NS, GroundHost
 from sim.monitors import WITHOUT_NONE, Without
 from sim.process_input import ProcessInput
 from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leader
 from sim.script import Operator, OperatorView
+from wire.transport.memory_bus import NOTHING_DUE_NS
 
 T0_NS = 1_000_000_000
 OPERATOR_PERIOD_NS = 100_000_000
 """Period at which the operator reads the ground's state: that of a daemon's publishing."""
+_TURNS = 3
+_DOWN, _TICK, _UP = range(_TURNS)
+"""What is due at one time, drone after drone: what arrives at it, its tick, what arrives from it."""
 
 
 class World:
@@ -69,9 +76,12 @@ class World:
             c.sysid: DroneNode(c, scenario, seed, T0_NS, without, physics) for c in agent_configs(scenario, leader)
         }
         self._in_order = list(self.nodes.values())
-        self._agenda = Agenda(len(self._in_order), T0_NS)
+        self._count = count()
+        self._drones_due: list[tuple[int, int, int, Sent | None]] = []
+        """A heap: when, whose of `_TURNS` turns, a number that keeps the order, and what arrives then; None: a tick."""
         for row, node in enumerate(self._in_order):
             node.row = row
+            self._enter(node)
         self._body = {v.sysid: v.body for v in scenario.lab.vehicles if v.sysid is not None}
         self._node_of = {self._body[sysid]: node for sysid, node in self.nodes.items()}
         self._camera_faults = CameraFaults(scenario.lab, seed)
@@ -125,9 +135,8 @@ class World:
         if self._late_frames.next_due_ns <= now_ns:
             for receiver, frame in self._late_frames.pop_due(now_ns):
                 self._deliver(receiver, frame)
-        if self._agenda.next_due_ns <= now_ns:
-            for row in self._agenda.pop_due(now_ns):
-                self._serve(self._in_order[row])
+        while self._drones_due and self._drones_due[0][0] <= now_ns:
+            self._serve(*heappop(self._drones_due))
         if self._operator_due_ns <= now_ns:
             self._tick_operator()
         if self._late_requests.next_due_ns <= now_ns:
@@ -147,9 +156,10 @@ class World:
         due_ns = min(
             emulator.next_exposure_ns, emulator.cable.next_due_ns, self._operator_due_ns, self.faults.next_due_ns,
             self._late_raw.next_due_ns, self._late_frames.next_due_ns, self._late_requests.next_due_ns,
-            *[ground.due_ns for ground in self._grounds],
-            self._agenda.next_due_ns,
+            self._next_drone_due_ns(),
         )  # fmt: skip
+        for ground in self._grounds:
+            due_ns = min(due_ns, ground.due_ns)
         return max(due_ns, self.now_ns)
 
     def _expose(self) -> None:
@@ -177,6 +187,9 @@ class World:
                 continue
             met = [fault for _, fault, _ in self.faults.active(Site.BUS)]
             for receiver, thinning in self._thinning.items():
+                if not met:
+                    self._deliver(receiver, frame)
+                    continue
                 faults = [fault for fault in met if fault.receiver in (None, receiver)]
                 if not thinning.passes(faults):
                     continue
@@ -194,15 +207,25 @@ class World:
             node.receive_frame(frame, self.now_ns)
             self._changed(node)
 
-    def _serve(self, node: DroneNode) -> None:
-        """Deliver datagrams to the drone, tick it, and deliver its datagrams to the grounds."""
-        now_ns = self.now_ns
-        datagrams: list[Datagram] = []
-        if node.down.arriving.next_due_ns <= now_ns:
-            for sent in node.down.arriving.pop_due(now_ns):
-                datagrams += node.receive_datagram(sent, now_ns)
-        if node.own_due_ns <= now_ns:
-            datagrams += node.tick(now_ns)
+    def _next_drone_due_ns(self) -> int:
+        due = self._drones_due
+        while due and due[0][3] is None and due[0][0] != self._in_order[due[0][1] // _TURNS].entered_ns:
+            heappop(due)  # entered anew since
+        return due[0][0] if due else NOTHING_DUE_NS
+
+    def _serve(self, due_ns: int, turn: int, _: int, sent: Sent | None) -> None:
+        """A datagram has arrived at a drone, it is to tick, or a datagram of it has arrived at the grounds."""
+        node, now_ns = self._in_order[turn // _TURNS], self.now_ns
+        if sent is None:
+            if due_ns != node.entered_ns:
+                return
+            node.entered_ns = -1
+            datagrams = node.tick(now_ns)
+        elif turn % _TURNS == _UP:
+            self._grounds_receive(sent.datagram)
+            return
+        else:
+            datagrams = node.receive_datagram(sent, now_ns)
         if node.innovations:
             for innovation in node.innovations:
                 self._record(INNOVATION, innovation, now_ns)
@@ -210,16 +233,23 @@ class World:
         if datagrams:
             faults = self._on_link(node, "up")
             for datagram in datagrams:
-                node.up.push(now_ns, datagram, faults)
-        if node.up.arriving.next_due_ns <= now_ns:
-            for sent in node.up.arriving.pop_due(now_ns):
-                self._grounds_receive(sent.datagram)
-        self._agenda.set_due(node.row, node.due_ns)
+                self._arrive(node, _UP, node.up.send(now_ns, datagram, faults))
+        self._enter(node)
+
+    def _arrive(self, node: DroneNode, turn: int, arriving: list[tuple[int, Sent]]) -> None:
+        for due_ns, sent in arriving:
+            heappush(self._drones_due, (due_ns, _TURNS * node.row + turn, next(self._count), sent))
+
+    def _enter(self, node: DroneNode) -> None:
+        due_ns = max(node.due_ns, self.now_ns)
+        if due_ns != node.entered_ns:
+            node.entered_ns = due_ns
+            heappush(self._drones_due, (due_ns, _TURNS * node.row + _TICK, next(self._count), None))
 
     def _changed(self, node: DroneNode) -> None:
         """Something was done to the drone from outside."""
-        node.own_due_ns = node.drone.due_ns
-        self._agenda.set_due(node.row, node.due_ns)
+        node.due_ns = node.drone.due_ns
+        self._enter(node)
 
     def _tick_operator(self) -> None:
         now_ns, ground = self.now_ns, self._grounds[0]
@@ -254,8 +284,7 @@ class World:
         datagrams, replies = ground.tick(now_ns)
         for datagram in datagrams:
             node = self.nodes[datagram.sysid]
-            node.down.push(now_ns, datagram, self._on_link(node, "down"))
-            self._agenda.set_due(node.row, node.due_ns)
+            self._arrive(node, _DOWN, node.down.send(now_ns, datagram, self._on_link(node, "down")))
         for reply in replies:
             self.operator.receive(reply, now_ns)
         if ground is self._grounds[0] and ground.phase is not self.phase:

@@ -9,7 +9,6 @@ import numpy as np
 from formation.maths.frames import from_rotation_vector, multiply
 from formation.messages import Datagram
 from sim.faults.fault import Family, Fault
-from sim.faults.queue import DueQueue
 from wire.link_messages import AttitudeSetpoint
 from wire.mavlink.codec import Codec, read_message
 from wire.mavlink.framing import FrameCutter
@@ -30,30 +29,30 @@ class Sent(NamedTuple):
 
 
 class Channel:
-    """A link whose datagrams keep their order unless a fault says otherwise; those just sent are remembered."""
+    """A link whose datagrams keep their order unless a fault says otherwise; those just sent are remembered.
+
+    It says what arrives when; whoever sends keeps it until then.
+    """
 
     def __init__(self, delay: DelayModel, rng: np.random.Generator) -> None:
         self._delay = delay
         self._rng = rng
-        self.arriving = DueQueue[Sent]()
-        """The packets on their way."""
         self._last_due_ns = 0
         self._history: deque[Sent] = deque()
 
-    def push(self, now_ns: int, datagram: Datagram, faults: Sequence[tuple[Fault, int]] = ()) -> None:
-        """Send it now; faults: those that act on this link now, each with its onset."""
+    def send(self, now_ns: int, datagram: Datagram, faults: Sequence[tuple[Fault, int]] = ()) -> list[tuple[int, Sent]]:
+        """Send it now; what arrives of it, and when. faults: those that act on this link now, each with its onset."""
         sent = Sent(now_ns, datagram)
         self._history.append(sent)
         while self._history[0].t_ns < now_ns - REMEMBERED_NS:
             self._history.popleft()
         delay_ns = self._delay()
         if not faults:
-            if delay_ns is not None:
-                self._enqueue(now_ns + delay_ns, sent)
-            return
+            return [] if delay_ns is None else [self._in_order(now_ns + delay_ns, sent)]
+        arriving: list[tuple[int, Sent]] = []
         for fault, _ in faults:
             if fault.family is Family.REPLAY and (old := self._sent_before(now_ns - round(fault.severity * 1e9))):
-                self.arriving.push(now_ns + (delay_ns or 0) + AGAIN_NS, old)
+                arriving.append((now_ns + (delay_ns or 0) + AGAIN_NS, old))
         held_ns, again = 0, False
         for fault, onset_ns in faults:
             luck, tail = self._rng.random(), self._rng.standard_exponential()
@@ -76,17 +75,16 @@ class Channel:
                 case Family.DUPLICATE if met:
                     again = True
         if delay_ns is None:
-            return
-        if held_ns:
-            self.arriving.push(now_ns + delay_ns + held_ns, sent)
-        else:
-            self._enqueue(now_ns + delay_ns, sent)
+            return arriving
+        due_ns = now_ns + delay_ns
+        arriving.append((due_ns + held_ns, sent) if held_ns else self._in_order(due_ns, sent))
         if again:
-            self.arriving.push(now_ns + delay_ns + OVERTAKEN_NS, sent)
+            arriving.append((due_ns + OVERTAKEN_NS, sent))
+        return arriving
 
-    def _enqueue(self, due_ns: int, sent: Sent) -> None:
+    def _in_order(self, due_ns: int, sent: Sent) -> tuple[int, Sent]:
         self._last_due_ns = max(due_ns, self._last_due_ns)
-        self.arriving.push(self._last_due_ns, sent)
+        return self._last_due_ns, sent
 
     def _sent_before(self, t_ns: int) -> Sent | None:
         """The last that was sent until then; each is said again once."""

@@ -97,8 +97,6 @@ class Thinning:
 
     def passes(self, faults: Sequence[Fault]) -> bool:
         """Whether the next frame does."""
-        if not faults:
-            return True
         if any(fault.family is Family.LOST_STREAM for fault in faults):
             return False
         missing = max((fault.severity for fault in faults if fault.family is Family.SLOW_STREAM), default=0.0)

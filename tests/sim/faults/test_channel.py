@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from formation.messages import Datagram
-from sim.faults.channel import OVERTAKEN_NS, Channel
+from sim.faults.channel import OVERTAKEN_NS, Channel, Sent
 from sim.faults.fault import Family, Fault
+from sim.faults.queue import DueQueue
 from wire.transport.memory_bus import fixed_delay
 
 MS = 1_000_000
@@ -16,12 +17,13 @@ def channel() -> Channel:
 
 def sent(family: Family, severity: float, count: int = 400) -> list[tuple[int, int, bytes]]:
     """(arrival, sending, bytes), ms, of `count` datagrams sent a millisecond apart with the fault on from 0."""
-    link, fault = channel(), Fault(family=family, severity=severity)
+    link, fault, under_way = channel(), Fault(family=family, severity=severity), DueQueue[Sent]()
     arrived = []
     for t_ms in range(count + 2000):
         if t_ms < count:
-            link.push(t_ms * MS, Datagram(1, t_ms.to_bytes(4, "big")), [(fault, 0)])
-        arrived += [(t_ms, item.t_ns // MS, item.datagram.data) for item in link.arriving.pop_due(t_ms * MS)]
+            for due_ns, item in link.send(t_ms * MS, Datagram(1, t_ms.to_bytes(4, "big")), [(fault, 0)]):
+                under_way.push(due_ns, item)
+        arrived += [(t_ms, item.t_ns // MS, item.datagram.data) for item in under_way.pop_due(t_ms * MS)]
     return arrived
 
 

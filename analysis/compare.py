@@ -176,7 +176,7 @@ def html(a: Side, b: Side) -> str:
             Section("error", "Formation error", "Root mean square over the followers at each moment.", (error,)),
             Section("leader", "Leader tracking error", drawings=(leader,)),
             Section("paths", "Paths", "From above, in formation.", (paths,)),
-            _setup_section(a, b),
+            setup_section(a, b),
         ),
     )
 
@@ -209,7 +209,8 @@ def _change(change: float | None) -> str:
     return "–" if change is None else SAME if change == 0 else f"{change:+.3g}"
 
 
-def _setup_section(a: Side, b: Side) -> Section:
+def setup_section(a: Side, b: Side) -> Section:
+    """What is not the same in the two configurations."""
     rows = [(key, str(x), str(y)) for key, (x, y) in configuration(a, b).items()]
     lead = "What is not the same in lab, gains and profiles." if rows else "Both were flown with the same."
     return Section("setup", "Flown with", lead, parts=(page.table(("`key", a.name, b.name), rows),))

@@ -50,7 +50,7 @@ READ: Mapping[Topic, tuple[str, ...]] = MappingProxyType({
     topics.MOCAP: ("t_receive_ns", "bodies", "pos_lab_m", "q_lab_from_flu", "seen", "rejected"),
     topics.REFERENCE: ("origin_lab_m", "heading_rad", "slot_lead_m", "slot_vel_lead_m_s", "in_formation"),
     topics.COMMAND: ("s_lead_m_s", "dist_lab_m_s2", "acc_lab_m_s2"),
-    topics.TARGET: ("q_lab_from_flu", "thrust_norm", "saturation"),
+    topics.TARGET: ("q_lab_from_flu", "rate_flu_rad_s", "thrust_norm", "saturation"),
     topics.TIMING: ("latency_s", "late"),
     topics.TRUTH: ("sysid", "dist_lab_m_s2", "on_ground"),
     topics.LINK_UP: ("sysid", "data", "superseded"),

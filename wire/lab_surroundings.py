@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
 from functools import partial
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -73,6 +74,30 @@ class Surroundings:
 def law_of(name: str, options: Mapping[str, Any]) -> Callable[[], ControlLaw]:
     """The maker of the lab's own law; ValueError where no package registers it, or it cannot be made so."""
     maker: LawMaker = _load(LAWS, name)
+    _called(maker, **options)
+    return partial(printing_to_stderr, partial(maker, **options))
+
+
+def law_in_file(source: str, options: Mapping[str, Any]) -> Callable[[], ControlLaw]:
+    """The maker of the law in a Python file, `law.py` or `law.py:Name`; ValueError where there is none, or several."""
+    file, _, wanted = source.partition(":")
+    path = Path(file)
+    spec = spec_from_file_location(f"law_in_{path.stem}", path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise ValueError(f"{path}: no such file")
+    module = module_from_spec(spec)
+    try:
+        printing_to_stderr(partial(spec.loader.exec_module, module))
+    except (Exception, SystemExit) as error:  # it is a lab's own code, which may do anything
+        raise ValueError(f"{path}: {_error_text(error)}") from error
+    laws = {
+        name: value
+        for name, value in vars(module).items()
+        if isinstance(value, type) and value.__module__ == module.__name__ and "__call__" in vars(value)
+    }
+    if wanted not in laws and (wanted or len(laws) != 1):
+        raise ValueError(f"{path}: which law? {path.name}:NAME, of {', '.join(laws) or 'none: no class has __call__'}")
+    maker = laws[wanted] if wanted else next(iter(laws.values()))
     _called(maker, **options)
     return partial(printing_to_stderr, partial(maker, **options))
 

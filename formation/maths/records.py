@@ -65,6 +65,12 @@ def copied(some: Rows[T]) -> Rows[T]:
     return _laid_out(bytearray(some.tobytes()), some.dtype)
 
 
+def chosen(some: Rows[T], which: NDArray[np.bool_]) -> Rows[T]:
+    """Those of the records whose flag (n,) is set, of their own."""
+    each = np.asarray(some)[which]
+    return _laid_out(bytearray(each.tobytes()), some.dtype)
+
+
 def _laid_out(memory: bytearray, dtype: np.dtype[Any]) -> Rows[Any]:
     """Records in that memory. (np.zeros looks at every field to learn how to clear it: five times as long.)"""
     out: Any = np.ndarray(len(memory) // dtype.itemsize, dtype, memory)

@@ -1,11 +1,15 @@
-"""`gcs-log`: what analysis says of a log (`report`, `check`, `picture`), and `replay`, which needs the ground's core.
+"""`gcs-log`: what analysis says of a log (`report`, `check`, `picture`), and what needs the cores: `replay`, `whatif`.
 
-Exit codes of `replay`: 0 bit-identical; 1 not; 2 no log, or one that cannot be replayed.
+Exit codes of `replay`: 0 bit-identical; 1 not; 2 no log, or one that cannot be replayed. Of `whatif`: 1 where the
+recorded flight does not come back under its own law.
 """
 
 import json
+import re
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,11 +22,12 @@ if TYPE_CHECKING:
     from gcs.replay import Replay
 
 DIFFERENT = 1
+DELAY = re.compile(r"\+?([0-9]*\.?[0-9]+) ?(ms|s)")
 
 app = program(
     "Read flight logs.",
     "Exit codes: 0 well; 1 the flight did not end well (report), the log is damaged (check), or is not replayed bit by "
-    "bit (replay); 2 no log.",
+    "bit (replay), or does not come back (whatif); 2 no log.",
 )
 app.add_typer(analysis_app)
 
@@ -52,6 +57,69 @@ def replay(log: LogPath, as_json: Json = False) -> None:
 def _show(result: "Replay") -> None:
     typer.echo(f"{result.inputs} inputs, {result.ticks} ticks, {result.agreed} outputs agree")
     typer.echo("bit-identical" if result.identical else f"first difference: {result.difference}")
+
+
+def _laws(incomplete: str) -> list[str]:
+    """Names for the Tab key: presets, and Python files here."""
+    from formation.control.presets import PRESETS
+    from wire.process.program import starting
+
+    return starting((*PRESETS, *(str(path) for path in Path().glob("*.py"))), incomplete)
+
+
+@app.command()
+def whatif(
+    log: LogPath,
+    law: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE.py", help="A control preset, an own law's name or file.", autocompletion=_laws),
+    ] = None,
+    gains: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Tables [law] and [observer], in place of the law's own.")
+    ] = None,
+    without: Annotated[str | None, typer.Option(metavar="BODY", help="Without this follower.")] = None,
+    delay: Annotated[str, typer.Option(metavar="+20ms", help="Every frame arrives so much later.")] = "0s",
+    rate: Annotated[float | None, typer.Option(min=1.0, metavar="HZ", help="Frames a second at most.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The page; without it whatif.html beside the log.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Fly a recorded flight again under another law, in the disturbance that the log shows. Exit code 1: under its own
+    law it does not come back."""
+    from rich.console import Console
+
+    from analysis.load import load
+    from sim.studies import whatif_page
+    from sim.studies.laws import chosen, flown_by
+    from sim.studies.reflight import Change
+    from sim.studies.whatif import what_if
+    from wire.errors import ConfigError
+    from wire.logs.mcap_scan import LogError
+
+    late = DELAY.fullmatch(delay.strip())
+    if late is None:
+        raise typer.BadParameter(f"--delay {delay}: a time such as +20ms or 0.02s is wanted")
+    delay_s = float(late[1]) * (1e-3 if late[2] == "ms" else 1.0)
+    path = log.with_name("whatif.html") if out is None else out
+    try:
+        flight = load(log)
+        name = law if gains is None or flight.run.lab is None else law or flown_by(flight.run.lab)
+        change = Change(None if name is None else chosen(name, gains), without, delay_s, rate or inf)
+        result = what_if(flight, change, log.name)
+        if not as_json:
+            path.write_text(whatif_page.html(result), encoding="utf-8")
+    except (OSError, LogError, ConfigError, ValueError) as error:
+        print_json_error(str(error))
+        typer.secho(f"gcs-log: {error}", fg="red", err=True)
+        raise typer.Exit(NOT_RIGHT) from error
+    if as_json:
+        typer.echo(result.to_json())
+    else:
+        whatif_page.print_what_if(result, Console())
+        typer.echo(path)
+    if not result.comes_back:
+        raise typer.Exit(DIFFERENT)
 
 
 def main() -> None:

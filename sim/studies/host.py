@@ -22,6 +22,7 @@ from drone_agent.simulation.disturbance import Air, push_into
 from drone_agent.simulation.inertial import WINDOW_NS, InertialSensor
 from formation import topics
 from formation.codes import FlightResult
+from formation.config import LabConfig
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack, Stages
 from formation.guidance.plan import Plan
@@ -31,13 +32,25 @@ from formation.maths import frames
 from formation.maths.arrays import Bool, Float, Layout, Quat, Quats, Scalars, Vec3, Vec3s
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import multiply_into
-from formation.maths.records import Rows, blank
-from formation.messages import AttitudeTarget, Cause, OperatorReply, Phase, PhaseChange, RawFrame, Truth, Verb
+from formation.maths.records import Rows, blank, copied
+from formation.messages import (
+    AttitudeTarget,
+    Cause,
+    LabFrame,
+    OperatorReply,
+    Phase,
+    PhaseChange,
+    RawFrame,
+    Truth,
+    Verb,
+)
+from formation.own_law.flight import OwnLaws
 from formation.safety import rules
 from formation.safety.phases import Trigger, advance
 from formation.topics import Topic
 from formation.vehicle.body import GRAVITY_M_S2, NUMBERS
 from formation.vehicle.profile import VehicleState, at_rest, on_ground
+from gcs.core import own_laws
 from gcs.drones.telemetry import SpecificForce
 from gcs.flight import IN_SLOT_M, SETTLE_NS, are_at_height, setpoint_in, slot_distances_m
 from gcs.safety import FactGatherer
@@ -63,6 +76,8 @@ IN_TRANSIT = 32
 STEP_NS, GUST_NS = OWN.step_ns, WINDOW_NS
 STATE = 18
 """Seconds since a state was so, and the state (formation.vehicle.rigid_body)."""
+STILL: Float = np.zeros((0, 0, 3))
+"""No wind beside the scenario's air."""
 
 
 @dataclass(slots=True)
@@ -104,14 +119,23 @@ def order(vehicles: Rows[FlownVehicle], q: Quats, rate: Vec3s, thrust: Scalars, 
 
 
 @kernel
-def advance_vehicles(vehicles: Rows[FlownVehicle], air: Rows[Air], t0_ns: int, from_ns: int, to_ns: int) -> None:
-    """Every vehicle from one point of the grid to another, as drone_agent.simulation.airframe does one."""
+def advance_vehicles(
+    vehicles: Rows[FlownVehicle], air: Rows[Air], wind: Float, t0_ns: int, from_ns: int, to_ns: int
+) -> None:
+    """Every vehicle from one point of the grid to another, as drone_agent.simulation.airframe does one.
+
+    wind (K, m, 3): what pushes each vehicle beside the air, m/s^2 in `lab`, from each GUST_NS after t0_ns to the next.
+    """
     for i in range(len(vehicles)):
         v, t_ns = vehicles[i], from_ns
         while t_ns < to_ns:
             since_ns = (t_ns - t0_ns) % GUST_NS
             if since_ns == 0:
                 push_into(air, (t_ns - t0_ns) * 1e-9, v.x[:3], v.reach_m, v.push_lab_m_s2)
+                window = (t_ns - t0_ns) // GUST_NS
+                if window < len(wind):
+                    for axis in range(3):
+                        v.push_lab_m_s2[axis] += wind[window, i, axis]
             k = _ruling(v, t_ns)
             steps = (min(to_ns, t_ns + GUST_NS - since_ns) - t_ns) // STEP_NS
             if k + 1 < IN_TRANSIT:
@@ -191,7 +215,8 @@ class OwnForces:
 class Vehicles:
     """All true vehicles of a flight, in the order in which the lab commands them, each behind its link."""
 
-    def __init__(self, scenario: Scenario, leader: Playback | None, seed: int) -> None:
+    def __init__(self, scenario: Scenario, leader: Playback | None, seed: int, wind: Float = STILL) -> None:
+        """wind: see `advance_vehicles`."""
         lab, link, drones = scenario.lab, scenario.link, agent_configs(scenario, leader)
         profiles = [drone.true_vehicle() for drone in drones]
         self._sysids = tuple(drone.sysid for drone in drones)
@@ -218,7 +243,7 @@ class Vehicles:
         imu_hz = lab.link.imu_rate_hz
         self.forces = OwnForces(drones, up, imu_hz, self._flown["x"]) if imu_hz else None
         self._attitude_ns, self._force_ns = T0_NS + ATTITUDE_NS, T0_NS + WINDOW_NS if imu_hz else NOTHING_DUE_NS
-        self._air, self._t_ns = scenario.air.air, T0_NS
+        self._air, self._wind, self._t_ns = scenario.air.air, wind, T0_NS
         self.drain(0.0)
 
     def order(self, target: AttitudeTarget, now_ns: int) -> None:
@@ -250,6 +275,18 @@ class Vehicles:
             pack.drain(share, dt_s)
             self._flown["thrust_scale"][i] = pack.thrust_scale
 
+    @property
+    def flown(self) -> Rows[FlownVehicle]:
+        """The vehicles (m) as they are."""
+        return self._flown
+
+    def begin(self, flown: Rows[FlownVehicle], t_ns: int) -> None:
+        """Fly on from these at t_ns, a point of the grid of GUST_NS; what is under way to the ground stays so."""
+        self._flown, self._t_ns = copied(flown), t_ns
+        self._attitude_ns = t_ns + ATTITUDE_NS
+        if self.forces is not None:
+            self._force_ns = t_ns + GUST_NS
+
     def _advance_to(self, grid_ns: int) -> None:
         """To a point of the grid; sensors sample on the way."""
         while (due_ns := min(self._attitude_ns, self._force_ns)) <= grid_ns:
@@ -263,8 +300,68 @@ class Vehicles:
         self._advance_grid(grid_ns)
 
     def _advance_grid(self, to_ns: int) -> None:
-        advance_vehicles(self._flown, self._air, T0_NS, self._t_ns, to_ns)
+        advance_vehicles(self._flown, self._air, self._wind, T0_NS, self._t_ns, to_ns)
         self._t_ns = to_ns
+
+
+class Ground:
+    """The ground as a study flies it: control, safety's rules, the vehicles behind their links, and the record."""
+
+    def __init__(
+        self, lab: LabConfig, vehicles: Vehicles, gains: Preset | None = None, own: OwnLaws | None = None
+    ) -> None:
+        """gains: in the place of the lab's preset; own: in the place of the lab's own laws."""
+        self.lab, self.vehicles = lab, vehicles
+        profiles = tuple(lab.profile_of(vehicle) for vehicle in lab.vehicles)
+        self.now_ns = T0_NS
+        self.records: list[Entry] = []
+        self._stack = ControlStack(lab, profiles, gains, own=own or own_laws(lab))
+        self._hover_norm = np.array([profiles[i].hover_thrust_norm for i in lab.commanded])
+        self._gatherer = FactGatherer(lab, ())
+        self._rule_state = rules.start(len(lab.vehicles))
+        self._stages: Stages | None = None
+
+    def receive_attitudes(self, t_ns: int, q_lab_from_own: Quats) -> None:
+        """The drones' own attitudes (m, 4) at t_ns arrive."""
+        stamps_ns = np.full(len(self.vehicles.bodies), t_ns)
+        self._gatherer.attitudes.receive_attitudes(self.vehicles.bodies, stamps_ns, q_lab_from_own)
+
+    def control(self, frame: LabFrame, plan: Plan, now_ns: int) -> Stages:
+        """A frame arrives: one turn of control; nothing is sent yet."""
+        self.now_ns, vehicles, gatherer = now_ns, self.vehicles, self._gatherer
+        gatherer.attitudes.receive_frame(frame)
+        for _, (t_ns, q_lab_from_own) in vehicles.attitudes.pop_due(now_ns):
+            self.receive_attitudes(t_ns, q_lab_from_own)
+        force_meas = None
+        if vehicles.forces is not None:
+            force_meas = np.full((len(frame.bodies), 3), np.nan)
+            force_meas[vehicles.bodies] = vehicles.forces.pop_means(frame.t_capture_ns, now_ns)
+        stages = self._stages = self._stack.step(
+            now_ns, frame, plan, self._hover_norm, force_meas, gatherer.level_bias_rad()
+        )
+        self.record(topics.MOCAP, frame)
+        self.record(topics.STATE, stages.state)
+        self.record(topics.REFERENCE, stages.reference)
+        self.record(topics.COMMAND, stages.command)
+        self.record(topics.TARGET, stages.target)
+        for failure in self._stack.law_failures():
+            self.record(topics.LAW_FAILURE, failure)
+        return stages
+
+    def must_land(self, phase: Phase, now_ns: int) -> bool:
+        """Whether a rule of safety ends the flight now."""
+        facts = self._gatherer.gather(self._stages, 0.0, now_ns)
+        self._rule_state, verdict = rules.assess(self._rule_state, facts, phase, self.lab.limits, now_ns)
+        return verdict.trigger is not None
+
+    def plan_in(self, phase: Phase) -> Plan:
+        """The phase begins: it is recorded, and every drone led as it says."""
+        self.record(topics.PHASE, PhaseChange(phase, "", Cause.OPERATOR))
+        return Plan((setpoint_in(phase, self.lab.flight),) * len(self.lab.commanded), configured(self.lab))
+
+    def record(self, topic: Topic, message: object) -> None:
+        """Record a message now."""
+        self.records.append(Entry(topic, self.now_ns, message))
 
 
 class StudyFlight:
@@ -273,22 +370,17 @@ class StudyFlight:
     _phase: Phase
     _plan: Plan
 
-    def __init__(self, scenario: Scenario, seed: int, gains: Preset | None = None) -> None:
-        """gains: in the place of the lab's preset. The script's landing is not flown: a study ends in HOLD."""
+    def __init__(self, scenario: Scenario, seed: int, gains: Preset | None = None, own: OwnLaws | None = None) -> None:
+        """gains, own: see `Ground`. The script's landing is not flown: a study ends in HOLD."""
         lab = self._lab = scenario.lab
         leader = recorded_leader(scenario)
-        profiles = tuple(lab.profile_of(vehicle) for vehicle in lab.vehicles)
         self.now_ns = T0_NS
-        self.records: list[Entry] = []
         self.result: FlightResult | None = None
         self._cameras = MocapEmulator(scenario.mocap, lab, leader, seed, T0_NS)
         self._alignment = Alignment(lab)
         self._vehicles = Vehicles(scenario, leader, seed)
-        self._stack = ControlStack(lab, profiles, gains)
-        self._hover_norm = np.array([profiles[i].hover_thrust_norm for i in lab.commanded])
-        self._gatherer = FactGatherer(lab, ())
-        self._rule_state = rules.start(len(lab.vehicles))
-        self._stages: Stages | None = None
+        self._ground = Ground(lab, self._vehicles, gains, own)
+        self.records = self._ground.records
         steps = [step for step in scenario.script if step.verb is not Verb.LAND]
         self._operator = Operator(tuple(steps), leader_seconds(scenario, leader))
         self._operator_ns = T0_NS + OPERATOR_PERIOD_NS
@@ -302,8 +394,9 @@ class StudyFlight:
         now_ns = self.now_ns = min(cameras.next_exposure_ns, cameras.next_frame_ns, self._operator_ns)
         if cameras.next_exposure_ns <= now_ns:
             states = self._vehicles.states_at(now_ns)
+            self._ground.now_ns = now_ns
             for truth in self._vehicles.truths(states, now_ns):
-                self._record(topics.TRUTH, truth)
+                self._ground.record(topics.TRUTH, truth)
             cameras.expose_states(states, self._vehicles.carried)
         for raw in cameras.pop_due(now_ns):
             self._control(raw)
@@ -315,25 +408,9 @@ class StudyFlight:
 
     def _control(self, raw: RawFrame) -> None:
         """A frame arrives at the ground: one turn of its control."""
-        now_ns, vehicles, gatherer = self.now_ns, self._vehicles, self._gatherer
-        frame = self._alignment.align(raw, raw.seq, raw.t_capture_ns, now_ns)
-        gatherer.attitudes.receive_frame(frame)
-        for _, (t_ns, q_lab_from_own) in vehicles.attitudes.pop_due(now_ns):
-            stamps_ns = np.full(len(vehicles.bodies), t_ns)
-            gatherer.attitudes.receive_attitudes(vehicles.bodies, stamps_ns, q_lab_from_own)
-        force_meas = None
-        if vehicles.forces is not None:
-            force_meas = np.full((len(frame.bodies), 3), np.nan)
-            force_meas[vehicles.bodies] = vehicles.forces.pop_means(frame.t_capture_ns, now_ns)
-        stages = self._stages = self._stack.step(
-            now_ns, frame, self._plan, self._hover_norm, force_meas, gatherer.level_bias_rad()
-        )
-        vehicles.order(stages.target, now_ns)
-        self._record(topics.MOCAP, frame)
-        self._record(topics.STATE, stages.state)
-        self._record(topics.REFERENCE, stages.reference)
-        self._record(topics.COMMAND, stages.command)
-        self._record(topics.TARGET, stages.target)
+        frame = self._alignment.align(raw, raw.seq, raw.t_capture_ns, self.now_ns)
+        stages = self._ground.control(frame, self._plan, self.now_ns)
+        self._vehicles.order(stages.target, self.now_ns)
         if self._phase is Phase.TAKEOFF:
             own = self._lab.commanded
             if are_at_height(stages, range(len(own)), own, self._lab.flight.altitude_m):
@@ -343,9 +420,7 @@ class StudyFlight:
 
     def _watch_over(self) -> None:
         """Safety's rules, as often as the operator looks: no rule of tracking acts sooner."""
-        facts = self._gatherer.gather(self._stages, 0.0, self.now_ns)
-        self._rule_state, verdict = rules.assess(self._rule_state, facts, self._phase, self._lab.limits, self.now_ns)
-        if verdict.trigger is not None:
+        if self._ground.must_land(self._phase, self.now_ns):
             self._enter(Phase.LAND)
             self.result = FlightResult.ABORTED
 
@@ -378,13 +453,8 @@ class StudyFlight:
             self.result = self._operator.outcome.result
 
     def _enter(self, phase: Phase) -> None:
-        setpoint = setpoint_in(phase, self._lab.flight)
-        self._phase = phase
-        self._plan = Plan((setpoint,) * len(self._lab.commanded), configured(self._lab))
-        self._record(topics.PHASE, PhaseChange(phase, "", Cause.OPERATOR))
-
-    def _record(self, topic: Topic, message: object) -> None:
-        self.records.append(Entry(topic, self.now_ns, message))
+        self._phase, self._ground.now_ns = phase, self.now_ns
+        self._plan = self._ground.plan_in(phase)
 
 
 class Host(StrEnum):
@@ -400,16 +470,17 @@ class Host(StrEnum):
 
 
 def fly(
-    scenario: Scenario, seed: int, gains: Preset | None = None, host: Host = Host.STUDY
+    scenario: Scenario, seed: int, gains: Preset | None = None, host: Host = Host.STUDY, own: OwnLaws | None = None
 ) -> tuple[FlightResult, Flight]:
-    """Fly a scenario, up to its landing by this host; gains: in the place of the lab's preset.
+    """Fly a scenario, up to its landing by this host; gains: in the place of the lab's preset; own: by the host of
+    studies, in the place of the lab's own laws.
 
     The flight comes back as it would be loaded from its log.
     """
     if host is Host.LOCKSTEP:
         flown, logged = lockstep.run_and_load(scenario, seed, gains=gains)
         return flown.outcome.result, logged
-    flight = StudyFlight(scenario, seed, gains)
+    flight = StudyFlight(scenario, seed, gains, own)
     end_ns = T0_NS + round(scenario.longest_s * 1e9)
     with lockstep.uncollected():
         while flight.result is None and flight.now_ns < end_ns:

@@ -7,26 +7,32 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from fcntl import LOCK_EX, flock
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import Any, ParamSpec, TypeVar
+from types import MappingProxyType
+from typing import Any, ClassVar, ParamSpec, TypeVar
 
 import numba
 from numba.core import event
 from numba.core.caching import CacheImpl, UserProvidedCacheLocator
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
-from numba.core.types import unliteral
+from numba.core.imputils import lower_cast
+from numba.core.types import Array, NestedArray, unliteral
 from numba.extending import register_jitable
 
 P = ParamSpec("P")
 R = TypeVar("R")
 Begun = Callable[[str, int, int], None]
 """Called with the kernel that is compiled now, how many there are with it, and how many there will be."""
+_OPTIONS: Mapping[str, Any] = MappingProxyType({"error_model": "numpy", "no_cfunc_wrapper": True})
+"""The same for all, or numba compiles its own helpers for each. Nobody calls kernels from C."""
 _TEMPORARY = "mavlink-formation-"
 _FOLDER = f"kernels-{sys.implementation.cache_tag}"
 _PACKAGES = Path(__file__).absolute().parents[2]
@@ -40,38 +46,117 @@ def kernel(function: Callable[P, R], calls: tuple[Callable[..., object], ...] = 
     calls: plain functions that it calls, directly or not, which are compiled with it and stay plain elsewhere.
     With numba's own NUMBA_DISABLE_JIT=1 it is the function itself, to be stepped through.
     """
-    for part in calls:
-        register_jitable(error_model="numpy")(part)
-    # Nobody calls kernels from C. numba's own types know nothing of this option, its documentation does.
-    compiled = numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(function)  # type: ignore[call-overload]
+    for plain in calls:
+        register_jitable(**_OPTIONS, no_cpython_wrapper=False, pipeline_class=_PartCompiler)(plain)
+    compiled = numba.njit(**_OPTIONS, cache=True, pipeline_class=_KernelCompiler)(function)
     if isinstance(compiled, Dispatcher):
-        # numba compiles a kernel anew for every constant that it is called with; one serves all values.
-        alone = _lock_file(f"{function.__module__}.{function.__qualname__}")
-        setattr(compiled, "compile", _for_any_value(compiled.compile, alone))  # noqa: B010 (a method by its type)
+        part = numba.njit(**_OPTIONS, pipeline_class=_PartCompiler)(function)
+        _replace(part, compile=_for_any_value(part.compile))
+        _replace(compiled, compile=_one_at_a_time(compiled.compile, _lock_file(_name(compiled))))
+        _replace(compiled, get_call_template=part.get_call_template, get_overload=part.get_overload)
     typed: Callable[P, R] = compiled
     return typed
 
 
-def _for_any_value(compile_for: Callable[[Any], Any], lock_file: Path) -> Callable[[Any], Any]:
-    """numba's `compile`, which takes the types of the arguments, without the constants that some of them carry.
+def _replace(dispatcher: Any, **methods: Callable[..., Any]) -> None:
+    """Have this dispatcher do something another way than its class."""
+    for name, method in methods.items():
+        setattr(dispatcher, name, method)
 
-    One process at a time: two that write a kernel's index at once may name the same file in it for two codes. The
-    second finds what the first has compiled.
-    """
 
-    def without_constants(types: Any) -> Any:
+def _for_any_value(compile_for: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """numba's `compile`, which takes the types of the arguments, without the constants that some of them carry, and
+    with arrays of records as any others: it would compile a kernel anew for each."""
+
+    def for_usual_types(types: Any) -> Any:
+        return compile_for(tuple(map(_usual, types)) if isinstance(types, tuple) else types)
+
+    return for_usual_types
+
+
+def _usual(kind: Any) -> Any:
+    kind = unliteral(kind)  # type: ignore[no-untyped-call]
+    return Array(kind.dtype, kind.ndim, "C") if isinstance(kind, NestedArray) else kind
+
+
+# Both are laid out alike.
+lower_cast(NestedArray, Array)(lambda _context, _builder, _from, _to, value: value)  # type: ignore[no-untyped-call]
+
+
+def _one_at_a_time(compile_for: Callable[[Any], Any], lock_file: Path) -> Callable[[Any], Any]:
+    """numba's `compile` by one process at a time: two that write a kernel's index at once may name the same file in it
+    for two codes. The second finds what the first has compiled."""
+
+    def alone(types: Any) -> Any:
         lock_file.parent.mkdir(parents=True, exist_ok=True)
         with global_compiler_lock, lock_file.open("w") as lock:
             flock(lock, LOCK_EX)  # until it is closed, or the process ends
-            return compile_for(tuple(map(unliteral, types)) if isinstance(types, tuple) else types)
+            return compile_for(types)
 
-    return without_constants
+    return alone
 
 
 def _lock_file(kernel_name: str) -> Path:
-    """What is locked while this kernel is compiled or read. Callers lock theirs first: nobody waits in a circle."""
+    """What is locked while this kernel is compiled or read."""
     root: str = numba.config.CACHE_DIR  # type: ignore[attr-defined]
     return Path(root) / "locks" / kernel_name
+
+
+class _Part(JITCodeLibrary):
+    """A kernel's code for the kernels that call it: optimised and made machine code with each of them, not by itself.
+
+    Two thirds of what a compilation costs were parts that nobody called alone, and callers that held them once more.
+    """
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+
+    def finalize(self) -> None:
+        """Nothing is to be done."""
+        self._finalized = True
+
+    @property
+    def codegen(self) -> Any:
+        """Who gets the environment of the function: nobody."""
+        return self
+
+    def set_env(self, name: str, environment: object) -> None:
+        """Nothing is to be done."""
+
+
+class _Whole(JITCodeLibrary):
+    """A kernel's code with all its parts."""
+
+    def add_linking_library(self, library: Any) -> None:
+        """Add a part, and its own parts."""
+        if library not in self._linking_libraries:
+            super().add_linking_library(library)  # type: ignore[no-untyped-call]
+            for each in library._linking_libraries if isinstance(library, _Part) else ():
+                self.add_linking_library(each)
+
+
+class _KernelCompiler(Compiler):
+    """Compiles what Python calls."""
+
+    library: ClassVar[Any] = _Whole
+
+    def define_pipelines(self) -> Any:
+        """numba's own passes."""
+        state = self.state
+        state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return super().define_pipelines()  # type: ignore[no-untyped-call]
+
+
+class _PartCompiler(_KernelCompiler):
+    """Compiles what only other kernels call: Python cannot."""
+
+    library = _Part
+
+    def define_pipelines(self) -> Any:
+        """Without the code by which Python calls it."""
+        self.state.flags.no_cpython_wrapper = True
+        return super().define_pipelines()
 
 
 @contextmanager
@@ -95,16 +180,15 @@ class _Listener(event.Listener):
 
     def __init__(self, begun: Begun) -> None:
         self._begun = begun
-        self._kernels, self._indexes = _kernels(), _indexes()
-        self._seen: set[str] = set()
+        self._kernels = _kernels()
+        self._done: set[str] = set()
 
     def on_start(self, event: Any) -> None:
-        function = event.data["dispatcher"].py_func
-        name = f"{function.__module__}.{function.__qualname__}"
-        if name in self._kernels and name not in self._seen:
-            self._seen.add(name)
-            count = _count(self._indexes) + 1
-            self._begun(name, count, max(count, len(self._kernels)))
+        name = _name(event.data["dispatcher"])
+        if name in self._kernels and name not in self._done:
+            _add_done(self._kernels, self._done)
+            self._done.add(name)
+            self._begun(name, len(self._done), len(self._kernels))
 
     def on_end(self, event: Any) -> None:
         pass
@@ -112,30 +196,35 @@ class _Listener(event.Listener):
 
 def kernel_counts() -> tuple[int, int]:
     """How many kernels of the loaded modules are in the cache on disk, whoever compiled them; and of how many."""
-    indexes = _indexes()
-    return _count(indexes), len(indexes)
+    kernels, done = _kernels(), set[str]()
+    _add_done(kernels, done)
+    return len(done), len(kernels)
 
 
-def _dispatchers() -> Iterator[Any]:
-    """All kernels in the modules loaded so far, as numba has them."""
+def _kernels() -> dict[str, Any]:
+    """All kernels in the modules loaded so far, by name, as numba has them."""
     loaded = [module for name, module in sys.modules.items() if not name.startswith("numba")]
     found = (v for module in loaded for v in vars(module).values() if isinstance(v, Dispatcher))
-    return (v for v in found if not v.py_func.__module__.startswith("numba"))
+    return {_name(v): v for v in found if not v.py_func.__module__.startswith("numba")}
 
 
-def _indexes() -> set[Path]:
-    """The files by which numba finds their machine code."""
-    return {Path(d._cache._cache_file._index_path) for d in _dispatchers()}
+def _name(dispatcher: Any) -> str:
+    return f"{dispatcher.py_func.__module__}.{dispatcher.py_func.__qualname__}"
 
 
-def _count(indexes: set[Path]) -> int:
-    """How many of them are there: another process may compile beside this one."""
-    return sum(path.exists() for path in indexes)
+def _add_done(kernels: Mapping[str, Any], done: set[str]) -> None:
+    """Add those whose machine code there is, with their parts: another process may compile beside this one."""
+    for name, each in kernels.items():
+        if name not in done and os.path.exists(each._cache._cache_file._index_path):
+            _add_with_parts(each, done)
 
 
-def _kernels() -> set[str]:
-    """Their names."""
-    return {f"{d.py_func.__module__}.{d.py_func.__qualname__}" for d in _dispatchers()}
+def _add_with_parts(kernel: Any, found: set[str]) -> None:
+    found.add(_name(kernel))
+    code, names = kernel.py_func.__code__, kernel.py_func.__globals__
+    for part in map(names.get, code.co_names):
+        if isinstance(part, Dispatcher) and _name(part) not in found:
+            _add_with_parts(part, found)
 
 
 class _ByContent(UserProvidedCacheLocator):

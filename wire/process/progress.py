@@ -5,6 +5,7 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import get_context
+from time import monotonic
 from types import FrameType
 from typing import TextIO
 
@@ -21,23 +22,27 @@ def compile_all(program: str, warm_up: WarmUp, stream: TextIO, beside: WarmUp | 
     beside: a part of the same, which a process of its own compiles meanwhile; it has to be picklable. What start-up has
     made lives as long as the process: a collection of garbage in flight passes it by, and does not stop for 50 ms.
     """
-    compiled = False
+    first: tuple[float, int] | None = None
     often = "for this run alone (no cache folder can be written, set XDG_CACHE_HOME)"
     often = often if is_cache_temporary() else "once per installation"
 
     def begun(name: str, count: int, total: int) -> None:
-        nonlocal compiled
+        nonlocal first
         interruptible()
-        text = f"{program}: compiling {count} of about {total}, {often}: {name}"
+        now_s = monotonic()
+        first_s, first_count = first or (now_s, count)
+        each_s = (now_s - first_s) / max(count - first_count, 1)
+        left = f", about {each_s * (total - count):.0f} s left" if first else ""
+        text = f"{program}: compiling {count} of about {total}{left}, {often}: {name}"
         if stream.isatty():
             print(f"\r{text[:100]:100}", end="", file=stream, flush=True)
-        elif not compiled or count % SELDOM == 1:
+        elif first is None or count % SELDOM == 1:
             print(text, file=stream, flush=True)
-        compiled = True
+        first = first_s, first_count
 
     with _late_interrupt() as interruptible, compiling(begun), _in_another_process(beside):
         warm_up()
-    if compiled:
+    if first:
         end = "\r" if stream.isatty() else ""
         print(f"{end}{f'{program}: {kernel_counts()[0]} kernels compiled':100}".rstrip(), file=stream, flush=True)
     gc.collect()

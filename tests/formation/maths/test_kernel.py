@@ -58,7 +58,7 @@ def test_while_another_process_compiles_a_kernel_this_one_waits_for_it(tmp_path,
     file = tmp_path / "told_kernels.py"
     file.write_text(SOURCE)
     module, results = load(file, monkeypatch), []
-    with Path(numba.config.CACHE_DIR, "locks", "told_kernels.twice").open("w") as lock:
+    with Path(numba.config.CACHE_DIR, "locks", "told_kernels.fourfold").open("w") as lock:
         flock(lock, LOCK_EX)
         call = Thread(target=lambda: results.append(module.fourfold(1.5)))
         call.start()

@@ -3,8 +3,8 @@
 *Mocap.* With the drones at rest: rate, delay, losses; each body's noise, level, place.
 *Drone.* Link, clock, parameters and signing key.
 *Axes.* Proof of the mocap's axes, each body's name and each yaw zero. The operator stands every drone with its nose
-along the lab's x axis, then moves one at a time: forward along its nose, left, up, and turns it left. Whatever the
-mocap saw instead says what is wrong with it.
+along the lab's x axis, then moves one at a time: forward along its nose, left, up, turns it left, and tips it. Whatever
+the mocap saw instead says what is wrong with it; whose autopilot was tipped, whether system ids are swapped.
 """
 
 import math
@@ -16,7 +16,7 @@ import numpy as np
 
 from formation.config import LabConfig, MocapConfig
 from formation.maths import frames
-from formation.maths.arrays import Bool, Flags, Float, Quats, Vec3, Vec3s
+from formation.maths.arrays import Bool, Flags, Float, Quat, Quats, Vec3, Vec3s
 from formation.messages import LabFrame
 from formation.safety.rules import nearest, outside_box
 from formation.vehicle.profile import VehicleProfile
@@ -36,6 +36,7 @@ DELAY_WITHIN_S, DELAY_LEAST_S = 0.01, 0.001
 MILLIMETRES_M = 50.0
 LEVEL_RAD, ON_SIDE_RAD = np.radians(8.0), np.radians(60.0)
 FLOOR_M = 0.1
+TIPPED_RAD = np.radians(12.0)
 FRAMES_LEAST = 10
 MOCAP = "mocap"
 
@@ -362,14 +363,16 @@ class Snapshot:
     pos_lab_m: Vec3s
     q_lab_from_flu: Quats
     seen: Flags
+    own_q_lab_from_flu: Mapping[int, Quat]
+    """By system id, of those autopilots that report it: their gravity is their own, whatever pose they are sent."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moves:
-    """One drone moved by hand: looks before the first move and after each of forward, left, up, and a left turn."""
+    """One drone moved by hand: looks before the first move and after each of forward, left, up, a left turn, a tip."""
 
     vehicle: int
-    snapshots: tuple[Snapshot, Snapshot, Snapshot, Snapshot, Snapshot]
+    snapshots: tuple[Snapshot, Snapshot, Snapshot, Snapshot, Snapshot, Snapshot]
 
     def displacement(self, step: int) -> Vec3s:
         """How far every body went in step 0..2, (n, 3)."""
@@ -379,7 +382,27 @@ class Moves:
 
 def check_axes(config: LabConfig, moved: Sequence[Moves]) -> tuple[Finding, ...]:
     """Judge every drone's moves."""
-    return tuple(finding for moves in moved for finding in _check_drone(config, moves))
+    return tuple(f for moves in moved for f in (*_check_drone(config, moves), _check_autopilot(config, moves)))
+
+
+def _check_autopilot(config: LabConfig, moves: Moves) -> Finding:
+    """Whether the autopilot in the drone that was tipped is the one that the lab file names."""
+    vehicle, (*_, before, after) = config.vehicles[moves.vehicle], moves.snapshots
+    level, tipped = before.own_q_lab_from_flu, after.own_q_lab_from_flu
+    risen_rad = {sysid: _tilt_rad(tipped[sysid]) - _tilt_rad(level[sysid]) for sysid in level.keys() & tipped.keys()}
+    found = sorted(sysid for sysid, rise_rad in risen_rad.items() if rise_rad > TIPPED_RAD)
+    wanted = str(vehicle.sysid)
+    if not found:
+        return unmeasured(vehicle.body, "system id", wanted, "no autopilot reports that it was tipped: repeat")
+    bodies = {each.sysid: each.body for each in config.vehicles}
+    names = ", ".join(f"{bodies[sysid]}'s {sysid}" for sysid in found)
+    why = f"the drone in your hand answers as {names}: system ids are swapped"
+    return graded(vehicle.body, "system id", ", ".join(map(str, found)), wanted, found == [vehicle.sysid], why)
+
+
+def _tilt_rad(q_lab_from_flu: Quat) -> float:
+    up = frames.rotate(q_lab_from_flu, np.array([0.0, 0.0, 1.0]))
+    return float(np.arccos(np.clip(up[2], -1.0, 1.0)))
 
 
 def _check_drone(config: LabConfig, moves: Moves) -> Iterator[Finding]:

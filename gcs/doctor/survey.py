@@ -59,6 +59,7 @@ STEPS = (
     "Move {name} half a metre to its left",
     "Lift {name} half a metre up and hold it",
     "Turn {name} left by a quarter turn, seen from above",
+    "Tip {name} over to any side by some thirty degrees, and hold it so",
 )
 
 Prompt = Callable[[str], Awaitable[None]]
@@ -145,8 +146,10 @@ class Survey:
                 self.drones[one.sysid].boot_parameters.note_unmet(one.parameter, unmet_ns(one, clock.REAL_TIME))
 
     async def snapshot(self) -> Snapshot:
-        """All bodies over the next moment: mean positions, newest attitudes."""
+        """All bodies over the next moment: mean positions, newest attitudes; and those that the autopilots report."""
         self.received.clear()
+        for link in self.drones.values():
+            link.attitudes.clear()
         await asyncio.sleep(SNAPSHOT_NS * 1e-9)
         n = len(self.config.vehicles)
         pos, count, q = np.zeros((n, 3)), np.zeros(n), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
@@ -154,7 +157,8 @@ class Survey:
             pos[frame.seen] += frame.pos_lab_m[frame.seen]
             q[frame.seen] = frame.q_lab_from_flu[frame.seen]
             count += frame.seen
-        return Snapshot(pos / np.maximum(count, 1.0)[:, None], q, count > 0.0)
+        own = {sysid: link.attitudes[-1][1] for sysid, link in self.drones.items() if link.attitudes}
+        return Snapshot(pos / np.maximum(count, 1.0)[:, None], q, count > 0.0, own)
 
     async def have_moved(self, prompt: Prompt) -> tuple[Moves, ...]:
         """Ask for each commanded drone's moves, one prompt a step."""
@@ -166,8 +170,8 @@ class Survey:
             for step in STEPS:
                 await prompt(step.format(name=name))
                 snapshots.append(await self.snapshot())
-            start, forward, left, up, turned = snapshots
-            moved.append(Moves(vehicle, (start, forward, left, up, turned)))
+            start, forward, left, up, turned, tipped = snapshots
+            moved.append(Moves(vehicle, (start, forward, left, up, turned, tipped)))
             await prompt(f"Put {name} back")
         return tuple(moved)
 

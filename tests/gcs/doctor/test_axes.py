@@ -40,13 +40,18 @@ def _lab(**changes) -> LabConfig:
     return LabConfig.model_validate({"mocap": changes.get("mocap", {}), "leader": leader, "followers": bodies[1:]})
 
 
-def _examine(mocap: WrongMocap, config: LabConfig, turn=math.pi / 2) -> tuple[Finding, ...]:
+def _examine(mocap: WrongMocap, config: LabConfig, turn=math.pi / 2, sysids=(1, 2, 3)) -> tuple[Finding, ...]:
+    """sysids: of the autopilots that are in the drones, in the order of the lab file; None: it is silent."""
     alignment, moved = Alignment(config), []
     for vehicle in range(3):
         pos, q, snapshots = PLACES.copy(), np.tile(frames.IDENTITY, (3, 1)), []
-        for step in range(5):
+        for step in range(6):
             frame = alignment.align(mocap.sends(pos, q), 0, 1, 2)
-            snapshots.append(Snapshot(frame.pos_lab_m, frame.q_lab_from_flu, frame.seen))
+            own = {sysid: each for sysid, each in zip(sysids, q, strict=True) if sysid is not None}
+            snapshots.append(Snapshot(frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, own))
+            if step == 4:
+                q = q.copy()
+                q[vehicle] = frames.multiply(q[vehicle], np.array([math.cos(0.25), 0.0, math.sin(0.25), 0.0]))
             if step < 4:
                 pos = pos.copy()
                 pos[vehicle] += HAND[step]
@@ -64,7 +69,7 @@ def _bad(findings) -> dict[tuple[str, str], str]:
 def test_a_right_mocap_passes():
     findings = _examine(WrongMocap(), _lab())
     assert {f.grade for f in findings} == {Grade.PASS}
-    assert {f.check for f in findings} == {"body name", "axes", "yaw zero", "turns left"}
+    assert {f.check for f in findings} == {"body name", "axes", "yaw zero", "turns left", "system id"}
     turned_right = _bad(_examine(WrongMocap(), _lab(), turn=-math.pi / 2))
     assert set(turned_right) == {(name, "turns left") for name in NAMES}
 
@@ -73,6 +78,15 @@ def test_swapped_bodies_are_named():
     bad = _bad(_examine(WrongMocap(names=("lead", "right", "left")), _lab()))
     assert set(bad) == {("left", "body name"), ("right", "body name")}
     assert "is right for the mocap: bodies are swapped" in bad["left", "body name"]
+
+
+def test_swapped_system_ids_are_named_and_a_silent_autopilot_is_not_passed():
+    findings = _examine(WrongMocap(), _lab(), sysids=(None, 3, 2))
+    bad = _bad(findings)
+    assert set(bad) == {("left", "system id"), ("right", "system id")}
+    assert bad["left", "system id"] == "the drone in your hand answers as right's 3: system ids are swapped"
+    (lead,) = [f for f in findings if (f.subject, f.check) == ("lead", "system id")]
+    assert (lead.grade, lead.found) == (Grade.WARN, "not measured")
 
 
 WRONG_AXES = {
@@ -115,9 +129,9 @@ def test_a_drone_lost_while_it_is_moved_is_neither_passed_nor_taken_for_another(
     """Unseen in one look, it stood at (0, 0, 0) there: its way from and to there was its longest."""
     level = np.tile(frames.IDENTITY, (3, 1))
     seen = np.array([True, False, True])
-    hidden = Snapshot(np.where(seen[:, None], PLACES, 0.0), level, seen)
-    snapshots = tuple(Snapshot(PLACES, level, np.ones(3, bool)) for _ in range(4))
+    hidden = Snapshot(np.where(seen[:, None], PLACES, 0.0), level, seen, {})
+    snapshots = tuple(Snapshot(PLACES, level, np.ones(3, bool), {}) for _ in range(5))
     for vehicle in (1, 2):
-        (finding,) = check_axes(_lab(), [Moves(vehicle, (snapshots[0], hidden, *snapshots[1:]))])
+        finding, _ = check_axes(_lab(), [Moves(vehicle, (snapshots[0], hidden, *snapshots[1:]))])
         assert finding.grade is Grade.FAIL
         assert finding.found == ("not measured" if vehicle == 1 else "no body moved")

@@ -20,7 +20,7 @@ from mavlink_formation.pytest_plugin import MOST
 from tests.docs.manual_pages import BASE_LAB, ROOT, Labs, blocks, name_of, pages, shell_lines
 from wire.config_file import parse
 
-FOREIGN = {"export", "ssh", "journalctl", "systemctl", "mavproxy.py", "rerun", "ros2"}
+FOREIGN = {"docker", "export", "ssh", "journalctl", "systemctl", "mavproxy.py", "mkdir", "rerun", "ros2"}
 """Programs of other people: of them only the paths in this repository are checked."""
 PATHS = re.compile(r"\b(?:contrib|examples|tests|tools|docs)/[\w./@-]+")
 

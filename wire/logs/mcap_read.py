@@ -177,10 +177,17 @@ def read_columns(path: Path, wanted: Mapping[Topic, Collection[str]]) -> LogColu
         for topic, names in wanted.items():
             part = _gathered(block, reading.of((topic,)), names, damage, number)
             if len(part.t_ns):
-                parts.setdefault(topic, []).append(part)
+                _append(parts.setdefault(topic, []), part)
         number += len(block.t_ns)
     found = {topic: _end_to_end(parts.pop(topic)) for topic in list(parts)}
     return LogColumns(reading.metadata, begin_ns, frozenset(held), found, _check(found, damage))
+
+
+def _append(parts: list[TopicColumns], part: TopicColumns) -> None:
+    """Add a part; as long as the last is no shorter than the one before, they become one: a few large ones stay."""
+    parts.append(part)
+    while len(parts) > 1 and len(parts[-1].t_ns) >= len(parts[-2].t_ns):
+        parts[-2:] = [_end_to_end(parts[-2:])]
 
 
 def _end_to_end(parts: Sequence[TopicColumns]) -> TopicColumns:

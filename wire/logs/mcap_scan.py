@@ -57,6 +57,8 @@ class Messages:
     raw: bytes
 
 
+_PIECE = 1 << 20
+"""Bytes whose checksum is taken at once."""
 Record = Schema | Channel | Metadata | Messages
 
 
@@ -170,6 +172,7 @@ class _Scanner:
                     return
                 if not isinstance(record, bytes):
                     yield record
+                _release(data, position, stop)
             following = self.next_chunk(reached + 1, end)
             if following is None:
                 lost = end - reached
@@ -245,8 +248,18 @@ class _Scanner:
 
 
 def _crc(data: mmap.mmap, end: int) -> int:
-    with memoryview(data) as whole, whole[:end] as part:
-        return zlib.crc32(part)
+    crc = 0
+    for start in range(0, end, _PIECE):
+        stop = min(start + _PIECE, end)
+        crc = zlib.crc32(data[start:stop], crc)
+        _release(data, start, stop)
+    return crc
+
+
+def _release(data: mmap.mmap, start: int, stop: int) -> None:
+    """Keep no longer in memory what has been read of the file."""
+    page = start - start % mmap.PAGESIZE
+    data.madvise(mmap.MADV_DONTNEED, page, stop - page)
 
 
 def _parse(opcode: int, body: bytes) -> Schema | Channel | Metadata | DataEnd | bytes | None:

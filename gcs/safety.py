@@ -290,7 +290,8 @@ class FactGatherer:
         state = stages.state
         measured = _measure(state.vel_lab_m_s, state.q_lab_from_flu, stages.command.e_lead_m, self._own)
         age_s = state.age_s + (now_ns - state.t_ns) * 1e-9
-        return np.ascontiguousarray(state.pos_lab_m), age_s, state.model_mismatch, measured
+        pos, mismatch = np.ascontiguousarray(state.pos_lab_m), np.ascontiguousarray(state.model_mismatch)
+        return pos, age_s, mismatch, measured
 
 
 def measured_specific_forces(drones: tuple[Drone, ...], frame: LabFrame) -> Vec3s:

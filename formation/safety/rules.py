@@ -18,9 +18,11 @@ from formation.model import Vec3Tuple
 from formation.safety.phases import Trigger
 from formation.safety.rules_table import LOST_S, RULES, Measure, Own, Rule
 
-UNSEEN_S, OUTSIDE_M, NEARNESS = int(Measure.UNSEEN_S), int(Measure.OUTSIDE_M), int(Measure.NEARNESS)
-TILT_RAD, OUTSIDE_TOO_M = int(Measure.TILT_RAD), int(Measure.OUTSIDE_TOO_M)
-TILT_TOO_RAD = int(Measure.TILT_TOO_RAD)
+(
+    UNSEEN_S, OUTSIDE_M, NEARNESS, POSITION_ERROR_M, TILT_RAD, SILENT_S, NOT_OFFBOARD, DISARMED, DISCHARGE, LATE_SHARE,
+    DUPLICATE, MODEL_MISMATCH, OUTSIDE_TOO_M, TILT_TOO_RAD, SETPOINT_AGE_S, ATTITUDE_INNOVATION_RAD,
+    LEADER_POSITION_ERROR_M, LINK_BEHIND_S,
+) = map(int, Measure)  # fmt: skip
 INDEPENDENT_FRESH_S = 0.1
 _SEVEREST_FIRST = (Trigger.LAND, Trigger.HOLD)
 
@@ -124,10 +126,11 @@ def assess(
 ) -> tuple[RuleState, Verdict]:
     """Apply every rule that is `on` to every vehicle; a fault acts once it has lasted its rule's `persist_s`."""
     n = len(facts.names)
-    active = np.where(facts.landing, _ACTIVE_RULES[Phase.LAND], _ACTIVE_RULES[phase]) & on[:, None] & ~facts.excluded
     broken = np.zeros((len(RULES), n), np.bool_)
-    measured = _measured(facts, limits)
-    if not _find_broken(measured, facts.commanded, _MEASURES, _OVER, _OF_ALL, active, state.acted, broken):
+    active, active_landing, measured = _ACTIVE_RULES[phase], _ACTIVE_RULES[Phase.LAND], _measured(facts, limits)
+    if not _find_broken(
+        measured, facts.commanded, facts.excluded, facts.landing, active, active_landing, on, state.acted, broken
+    ):
         nobody = np.zeros(n, np.bool_)
         return state if state.is_quiet else start(n), Verdict(None, nobody, nobody, ())
     since = np.where(broken, np.where(state.since_ns < 0, now_ns, state.since_ns), -1)
@@ -145,52 +148,65 @@ _PERSIST_NS = np.array([round(rule.persist_s * 1e9) for rule in RULES], np.int64
 _MEASURES = np.array([rule.measure for rule in RULES])
 _OVER = np.array([rule.over for rule in RULES])
 _OF_ALL = np.array([rule.of_all or rule.of_swarm for rule in RULES])
-_ACTIVE_RULES = {phase: np.array([[phase in rule.phases] for rule in RULES]) for phase in Phase}
+_ACTIVE_RULES = {phase: np.array([phase in rule.phases for rule in RULES]) for phase in Phase}
 
 
 def _measured(facts: Facts, limits: LimitsConfig) -> Float:
     """Every measure of every vehicle, (measures, n)."""
     out = np.zeros((len(Measure), len(facts.names)))
-    out[Measure.UNSEEN_S] = facts.age_s
-    out[Measure.POSITION_ERROR_M] = facts.error_m
-    out[Measure.LEADER_POSITION_ERROR_M, 0] = facts.error_m[0]
-    out[Measure.TILT_RAD] = facts.tilt_rad
-    out[Measure.SILENT_S] = facts.silent_s
-    out[Measure.NOT_OFFBOARD] = facts.armed & ~facts.offboard
-    out[Measure.DISARMED] = ~facts.armed
-    out[Measure.DISCHARGE] = -facts.battery
-    out[Measure.LATE_SHARE, 0] = facts.late_share
-    out[Measure.DUPLICATE] = facts.duplicate
-    out[Measure.MODEL_MISMATCH] = facts.model_mismatch
-    out[Measure.LINK_BEHIND_S] = facts.link_behind_s
-    out[Measure.SETPOINT_AGE_S] = facts.setpoint_age_s
-    out[Measure.ATTITUDE_INNOVATION_RAD] = facts.attitude_innovation_rad
     fence, separation_min_m = limits.fence, limits.min_separation_m
+    _measure_reports(
+        facts.error_m, facts.silent_s, facts.armed, facts.offboard, facts.battery, facts.duplicate,
+        facts.model_mismatch, facts.link_behind_s, facts.setpoint_age_s, facts.attitude_innovation_rad,
+        facts.late_share, out,
+    )  # fmt: skip
     _measure_positions(
-        facts.pos_lab_m, facts.own_pos_lab_m, facts.own_tilt_rad, fence.low_m, fence.high_m, separation_min_m, out
-    )
+        facts.age_s, facts.tilt_rad, facts.pos_lab_m, facts.own_pos_lab_m, facts.own_tilt_rad, fence.low_m,
+        fence.high_m, separation_min_m, out,
+    )  # fmt: skip
     return out
 
 
 @kernel
-def _measure_positions(
-    pos_lab_m: Vec3s, own_pos_lab_m: Vec3s, own_tilt_rad: Scalars, low_m: Vec3Tuple, high_m: Vec3Tuple,
-    separation_m: float, out: Float,
+def _measure_reports(
+    error_m: Scalars, silent_s: Scalars, armed: Flags, offboard: Flags, battery: Scalars, duplicate: Flags,
+    model_mismatch: Scalars, link_behind_s: Scalars, setpoint_age_s: Scalars, attitude_innovation_rad: Scalars,
+    late_share: float, out: Float,
 ) -> None:  # fmt: skip
-    """The measures of position, and of both independent estimates, into out (measures, n), which has age and tilt.
+    """The measures that are a fact each, into out (measures, n)."""
+    out[LEADER_POSITION_ERROR_M, 0], out[LATE_SHARE, 0] = error_m[0], late_share
+    for i in range(len(error_m)):
+        out[POSITION_ERROR_M, i] = error_m[i]
+        out[SILENT_S, i] = silent_s[i]
+        out[NOT_OFFBOARD, i] = 1.0 if armed[i] and not offboard[i] else 0.0
+        out[DISARMED, i] = 0.0 if armed[i] else 1.0
+        out[DISCHARGE, i] = -battery[i]
+        out[DUPLICATE, i] = 1.0 if duplicate[i] else 0.0
+        out[MODEL_MISMATCH, i] = model_mismatch[i]
+        out[LINK_BEHIND_S, i] = link_behind_s[i]
+        out[SETPOINT_AGE_S, i] = setpoint_age_s[i]
+        out[ATTITUDE_INNOVATION_RAD, i] = attitude_innovation_rad[i]
+
+
+@kernel
+def _measure_positions(
+    age_s: Scalars, tilt_rad: Scalars, pos_lab_m: Vec3s, own_pos_lab_m: Vec3s, own_tilt_rad: Scalars,
+    low_m: Vec3Tuple, high_m: Vec3Tuple, separation_m: float, out: Float,
+) -> None:  # fmt: skip
+    """The measures of what is seen, and of both independent estimates, into out (measures, n).
 
     Where a lost body is, nobody knows: no place is judged for it.
     """
-    age_s = out[UNSEEN_S]
     known = age_s <= LOST_S
     outside, own_outside = outside_box(pos_lab_m, low_m, high_m), outside_box(own_pos_lab_m, low_m, high_m)
     near = nearest(pos_lab_m, known)
     for i in range(len(age_s)):
+        out[UNSEEN_S, i], out[TILT_RAD, i] = age_s[i], tilt_rad[i]
         reported = np.isfinite(own_pos_lab_m[i, 0] + own_pos_lab_m[i, 1] + own_pos_lab_m[i, 2])
         out[OUTSIDE_M, i] = outside[i] if known[i] else 0.0
         out[NEARNESS, i] = -near[i] / separation_m
         out[OUTSIDE_TOO_M, i] = _agreed(out[OUTSIDE_M, i], own_outside[i] if reported else np.nan, age_s[i])
-        out[TILT_TOO_RAD, i] = _agreed(out[TILT_RAD, i], own_tilt_rad[i], age_s[i])
+        out[TILT_TOO_RAD, i] = _agreed(tilt_rad[i], own_tilt_rad[i], age_s[i])
 
 
 @kernel
@@ -237,15 +253,19 @@ def nearest(pos_lab_m: Vec3s, known: Flags) -> Scalars:
 
 @kernel
 def _find_broken(
-    measured: Float, commanded: Flags, measures: NDArray[np.int64], over: Float, of_all: Flags, active: Flags,
+    measured: Float, commanded: Flags, excluded: Flags, landing: Flags, active: Flags, active_landing: Flags, on: Flags,
     acted: NDArray[np.bool_], broken: NDArray[np.bool_],
 ) -> bool:  # fmt: skip
-    """Whether any vehicle breaks a rule, or one was acted on; `broken` (rules, n) says which, and comes in false."""
+    """Whether any vehicle breaks a rule, or one was acted on; `broken` (rules, n) says which, and comes in false.
+
+    active, active_landing: the rules (rules,) of the phase, and of what lands; on: which are applied at all.
+    """
     fault = False
-    for rule in range(len(over)):
+    for rule in range(len(_OVER)):
         for i in range(len(commanded)):
-            if active[rule, i]:
-                broken[rule, i] = (commanded[i] or of_all[rule]) and measured[measures[rule], i] > over[rule]
+            applied = active_landing[rule] if landing[i] else active[rule]
+            if applied and on[rule] and not excluded[i] and (commanded[i] or _OF_ALL[rule]):
+                broken[rule, i] = measured[_MEASURES[rule], i] > _OVER[rule]
             fault = fault or broken[rule, i] or acted[rule, i]
     return fault
 

@@ -92,13 +92,13 @@ def _level(target: AttitudeTarget, i: int, hover_thrust_norm: float) -> Attitude
 
 
 def correct_level(target: AttitudeTarget, bias_rad: Float) -> AttitudeTarget:
-    """The target such that the mocap sees the attitudes asked for; itself where no autopilot is biased.
+    """The target such that the mocap sees the attitudes asked for.
 
     bias_rad (m, 2): gravity's direction in each body's x and y axes by the mocap less that by the autopilot.
     """
-    if not bias_rad.any():
-        return target
-    return replace(target, q_lab_from_flu=_corrected(np.ascontiguousarray(target.q_lab_from_flu), bias_rad))
+    q_lab_from_flu = _corrected(np.ascontiguousarray(target.q_lab_from_flu), bias_rad)
+    rest = target.rate_flu_rad_s, target.thrust_norm, target.saturation, target.held_off
+    return AttitudeTarget(target.t_ns, q_lab_from_flu, *rest)
 
 
 @kernel

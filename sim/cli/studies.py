@@ -1,4 +1,4 @@
-"""The studies of `gcs-sim`, `paper`, `robustness` and `tune`: many flights, a table, files for scripts.
+"""The studies of `gcs-sim`, `paper`, `robustness`, `tune` and `league`: many flights, a table, files for scripts.
 
 What they need is loaded when they are called: asking for help waits for no compiler.
 """
@@ -18,9 +18,11 @@ from wire.process.system import NOT_RIGHT
 if TYPE_CHECKING:
     from formation.control.presets import Preset
     from formation.vehicle.profile import VehicleProfile
-    from sim.studies.gain_search import Tried
+    from sim.studies.gain_search import Tried, TriedLaw
     from sim.studies.host import Host
+    from sim.studies.league import Result, Row
     from sim.studies.robustness import Draw, Sample
+    from sim.studies.runner import Runner
     from sim.studies.tune import Candidate, Task
 
 FAILED = 1
@@ -37,6 +39,7 @@ def register(app: typer.Typer) -> None:
     app.command("paper")(compare)
     app.command("robustness")(robust)
     app.command("tune")(tune_vehicle)
+    app.command("league")(play_league)
 
 
 def compare(
@@ -117,11 +120,17 @@ def tune_vehicle(
     gains: Annotated[
         str | None, typer.Option(help="Search this preset's own gains instead: default, pid, geometric.")
     ] = None,
+    law: Annotated[
+        str | None, typer.Option(metavar="NAME|FILE.py", help="Search the options of this own law instead.")
+    ] = None,
     rate_hz: Annotated[float, typer.Option("--rate", help="Mocap frames a second.")] = 100.0,
     delay_s: Annotated[float, typer.Option("--delay", help="Mocap delay, s.")] = 0.008,
     noise_m: Annotated[float, typer.Option("--noise", help="Mocap noise, m.")] = 0.0001,
     full: Full = False,
-    out: Annotated[Path | None, typer.Option(help="Write the tuned profile here, to go under [[profiles]].")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Write the tuned profile here, to go under [[profiles]]; with --law its options."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Find the gain scales of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
@@ -135,6 +144,9 @@ def tune_vehicle(
     task = Task(profile, rate_hz, delay_s, noise_m, _host(full))
     if gains is not None:
         _search_gains(task, gains, console, as_json)
+        return
+    if law is not None:
+        _search_law(task, law, out, console, as_json)
         return
 
     def show(candidate: "Candidate") -> None:
@@ -177,6 +189,96 @@ def _search_gains(task: "Task", name: str, console: Console, as_json: bool) -> N
     if as_json:
         print(json.dumps({"tuned": _cost(best.cost)} | _gains_of(best.gains)))
     if not isfinite(best.cost):
+        raise typer.Exit(FAILED)
+
+
+def _search_law(task: "Task", name: str, out: Path | None, console: Console, as_json: bool) -> None:
+    """The options of an own law; they are added to the file `out`, under the law's name and the vehicle's."""
+    import tomli_w
+
+    from sim.studies import gain_search
+    from sim.studies.laws import chosen
+    from sim.studies.runner import Runner
+    from wire.files import read_toml
+
+    def show(found: "TriedLaw") -> None:
+        options = ", ".join(f"{key} = {value:.4g}" for key, value in found.law.law)
+        console.print(f"cost {found.cost:7.2f}  {options}", highlight=False)
+
+    try:
+        best = gain_search.search_law(task, chosen(name), Runner(console), show)
+        values = read_toml(out) if out is not None and out.exists() else {}
+    except (OSError, ValueError) as error:
+        raise typer.BadParameter(str(error)) from error
+    options = {key: float(f"{value:.4g}") for key, value in best.law.law}
+    values[best.law.label] = values.get(best.law.label, {}) | {task.profile.name: options}
+    if out is not None:
+        out.write_text(tomli_w.dumps(values), encoding="utf-8")
+    if as_json:
+        print(json.dumps({"tuned": _cost(best.cost), "options": options}))
+    if not isfinite(best.cost):
+        raise typer.Exit(FAILED)
+
+
+def play_league(
+    laws: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="LAW", help="Control presets, own laws' names or files; none: the built-in ones."),
+    ] = None,
+    scene: Annotated[list[str] | None, typer.Option(help="Fly this scene alone; again for more.")] = None,
+    vehicle: Annotated[list[str] | None, typer.Option(help="With this vehicle alone; again for more.")] = None,
+    gains: Annotated[
+        Path | None, typer.Option(metavar="FILE.toml", help="Options of own laws, as `gcs-sim tune --law` writes them.")
+    ] = None,
+    check: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Fly a result file's rows again: the same to the bit?")
+    ] = None,
+    out: OutFolder = Path(),
+    as_json: Json = False,
+) -> None:
+    """Fly laws over one table of scenes and vehicles; writes league.json and .html. With --check, exit code 1: not the
+    same."""
+    from sim.cli.flights import fail
+    from sim.studies import league, league_page
+    from sim.studies.laws import chosen
+    from sim.studies.runner import Runner
+    from wire.files import read_toml
+
+    console = Console(stderr=as_json, markup=False)
+    runner = Runner(console)
+    try:
+        if check is not None:
+            _check_league(league.known_rows(check.read_text(encoding="utf-8"), str(check)), runner, console, as_json)
+            return
+        flown_by = [chosen(name) for name in laws or league.BUILT_IN]
+        tuned = {} if gains is None else read_toml(gains)
+        jobs = league.rows(flown_by, tuple(scene or league.SCENES), tuple(vehicle or league.VEHICLES), tuned)
+        results = list(zip(jobs, runner.run("flights", league.fly, jobs), strict=True))
+    except (OSError, ValueError) as error:
+        fail(str(error), NOT_RIGHT)
+    for table in league_page.console_tables(results):
+        console.print(table)
+    if as_json:
+        print(league.to_json(results))
+    runner.write(out, {"league.json": league.to_json(results) + "\n", "league.html": league_page.html(results)})
+
+
+def _check_league(known: "list[tuple[Row, Result]]", runner: "Runner", console: Console, as_json: bool) -> None:
+    """Fly the rows again; ends the program with exit code 1 where one is not the same to the bit."""
+    from sim.studies import league
+
+    again = runner.run("flights", league.fly, [row for row, _ in known])
+    unlike = {
+        f"{row.law.label}, {row.scene}, {row.vehicle}": found
+        for (row, there), here in zip(known, again, strict=True)
+        if (found := league.differences(there, here))
+    }
+    for name, found in unlike.items():
+        console.print(f"{name}: {'; '.join(found)}", highlight=False)
+    console.print(f"{len(known) - len(unlike)} of {len(known)} flights are the same to the bit", highlight=False)
+    if as_json:
+        print(json.dumps({"flights": len(known), "different": unlike}))
+    if unlike:
         raise typer.Exit(FAILED)
 
 

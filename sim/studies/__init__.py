@@ -1,1 +1,1 @@
-"""Many lockstep flights, and what they show: paper, robustness, tune."""
+"""Many flights, and what they show: paper, robustness, tune, league; and one flight again: what if."""

@@ -1,15 +1,17 @@
-"""`gcs-sim tune PROFILE --gains PRESET`: the gains of a law's followers, each by itself, found by flying.
+"""`gcs-sim tune PROFILE --gains PRESET`, or `--law FILE.py`: the gains of a law, each by itself, found by flying.
 
 The same compass search, flights, costs and effort as for the scales of a vehicle's loops (sim.studies.tune), whatever
 the law, so that laws can be compared each with the gains that it flies best with.
 """
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
 
 from formation.control.gains import CascadeGains, Gains, GeometricGains, SlidingGains
 from formation.control.presets import Preset, preset_for
+from sim.studies.laws import ChosenLaw
 from sim.studies.runner import Runner
 from sim.studies.tune import EXPERIMENTS, Flight, Task, compass, fly
 
@@ -19,6 +21,14 @@ SEARCHED: dict[type[Gains], tuple[str, ...]] = {
     GeometricGains: ("kx", "kv", "ki", "mix"),
 }
 """The gains that are moved; the observer's bandwidth is one more."""
+
+
+@dataclass(frozen=True, slots=True)
+class TriedLaw:
+    """An own law with its options, and what it costs."""
+
+    law: ChosenLaw
+    cost: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +56,34 @@ def neighbours(gains: Preset, step: float) -> Iterator[Preset]:
         yield replace(gains, follower=replace(follower, **{field: by * getattr(follower, field)}))
     for by in (step, 1.0 / step):
         yield replace(gains, observer=gains.observer.scaled(by))
+
+
+def search_law(task: Task, law: ChosenLaw, runner: Runner, better: Callable[[TriedLaw], None]) -> TriedLaw:
+    """The best options found from an own law's own on; ValueError where there is no such law."""
+    first = judge_laws(task, [replace(law, law=tuple(law.options().items()))], runner)[0]
+
+    def neighbours_of(tried: TriedLaw, step: float) -> list[TriedLaw]:
+        return judge_laws(task, list(neighbouring_laws(tried.law, step)), runner)
+
+    return compass(first, neighbours_of, better)
+
+
+def neighbouring_laws(law: ChosenLaw, step: float) -> Iterator[ChosenLaw]:
+    """The laws with one option a step up or down, as far as they can be made so."""
+    options = dict(law.law)
+    for key, by in product(options, (step, 1.0 / step)):
+        tried = replace(law, law=tuple((options | {key: by * options[key]}).items()))
+        with suppress(ValueError):
+            tried.maker()
+            yield tried
+
+
+def judge_laws(task: Task, laws: list[ChosenLaw], runner: Runner) -> list[TriedLaw]:
+    """Fly and cost each."""
+    each = list(product(EXPERIMENTS, (False, True)))
+    flights = [Flight(task, task.profile.gain_scale, e, off, law=law) for law in laws for e, off in each]
+    costs = runner.run("flights", fly, flights)
+    return [TriedLaw(law, sum(costs[k * len(each) : (k + 1) * len(each)])) for k, law in enumerate(laws)]
 
 
 def judge(task: Task, presets: list[Preset], runner: Runner) -> list[Tried]:

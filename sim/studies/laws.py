@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -68,11 +69,12 @@ class ChosenLaw:
         except ValueError as error:
             raise ValueError(f"{error}; control presets: {', '.join(PRESETS)}; or a law's file.py") from error
 
-    def checked(self, lab: LabConfig) -> "ChosenLaw":
-        """Itself, if it can be flown in that lab; ValueError."""
-        self.gains(lab)
-        self.own(lab)
-        return self
+    def options(self) -> dict[str, float]:
+        """The options of an own law that are numbers with a fraction, and not 0, as it has them; ValueError."""
+        maker: Any = self.maker()  # printing_to_stderr, partial(class, options)
+        made = maker.args[0]
+        known = {name: parameter.default for name, parameter in signature(made.func).parameters.items()}
+        return {name: value for name, value in (known | made.keywords).items() if isinstance(value, float) and value}
 
 
 def followed_by(law: ChosenLaw, lab: LabConfig) -> Preset:

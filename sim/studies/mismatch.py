@@ -34,11 +34,12 @@ MISMATCHES: Mapping[str, Mismatch] = MappingProxyType(
 
 
 def mismatched(scenario: Scenario, name: str) -> Scenario:
-    """The scenario with every drone, the cameras' delay and the links off by that mismatch; the lab believes as before.
+    """`off_by` that mismatch; KeyError where there is none of that name."""
+    return off_by(scenario, MISMATCHES[name])
 
-    KeyError where there is no mismatch of that name.
-    """
-    off = MISMATCHES[name]
+
+def off_by(scenario: Scenario, off: Mismatch) -> Scenario:
+    """The scenario with every drone, the cameras' delay and the links off by so much; the lab believes as before."""
     lab = scenario.lab
     vehicles = []
     for config in lab.vehicles:

@@ -25,6 +25,7 @@ from sim.scenario import Scenario, TrueVehicle, flown_by
 from sim.studies import experiments, host
 from sim.studies.experiments import Experiment, Job, Score
 from sim.studies.host import Host
+from sim.studies.laws import ChosenLaw
 from sim.studies.runner import Runner
 
 STEPS = (1.3, 1.15, 1.07)
@@ -59,13 +60,15 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """One flight of one candidate; off: by a vehicle that is not as believed; gains: instead of the shipped ones."""
+    """One flight of one candidate; off: by a vehicle that is not as believed; gains: instead of the shipped ones; law:
+    an own law, by the host of studies."""
 
     task: Task
     gain_scale: GainScale | None
     experiment: Experiment
     off: bool
     gains: Preset | None = None
+    law: ChosenLaw | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +149,8 @@ def judge(task: Task, scales: list[GainScale], runner: Runner) -> list[Candidate
 def fly(flight: Flight) -> float:
     """The cost of one flight."""
     scenario = scenario_of(flight)
-    result, log = host.fly(scenario, SEED, flight.gains, flight.task.host)
+    own = None if flight.law is None else flight.law.own(scenario.lab)
+    result, log = host.fly(scenario, SEED, flight.gains, flight.task.host, own)
     return cost_of(experiments.measure(log, scenario, result, flight.experiment), flight.experiment)
 
 

@@ -1,0 +1,103 @@
+"""The league for people: tables for a terminal, and one page; the best law of each scene is marked, whoever it is."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from rich.table import Table
+
+from analysis import page
+from analysis.page import Row as Line
+from analysis.page import Section
+from formation.codes import GOOD_RESULTS
+from sim.studies.league import Result, Row, cost, versions
+
+Flown = Sequence[tuple[Row, Result]]
+COLUMNS: tuple[tuple[str, str, float, int], ...] = (
+    ("rms_m", "RMS, mm", 1e3, 2),
+    ("max_m", "largest, mm", 1e3, 1),
+    ("outside_share", "beyond 1 cm, % of the time", 1e2, 1),
+    ("chatter_deg", "chatter, degrees a frame", 1.0, 3),
+    ("thrust_std", "spread of the thrust, %", 1e2, 2),
+    ("cpu_us", "µs a drone and frame", 1.0, 0),
+)
+"""Field of `Result`, heading, factor, digits."""
+BEST = " ★"
+
+
+def console_tables(flown: Flown) -> Iterator[Table]:
+    """RMS by law and scene, a table a vehicle."""
+    for vehicle in dict.fromkeys(row.vehicle for row, _ in flown):
+        scenes, laws = _scenes(flown), _laws(flown)
+        table = Table(title=f"{vehicle}: RMS off the slot, mm")
+        table.add_column("")
+        for law in laws:
+            table.add_column(law, justify="right")
+        for scene in scenes:
+            table.add_row(scene, *_cells(flown, vehicle, scene, laws, COLUMNS[0]))
+        table.add_row("best in", *(str(_wins(flown, vehicle, law)) for law in laws))
+        yield table
+
+
+def html(flown: Flown) -> str:
+    """The page: a section a vehicle, a table a figure."""
+    laws, scenes = _laws(flown), _scenes(flown)
+    facts = ", ".join(f"{name} {value}" for name, value in versions().items())
+    sections = [
+        Section(
+            vehicle,
+            vehicle,
+            "A star marks the law with the smallest RMS of those that flew to the end.",
+            parts=[_figure(flown, vehicle, scenes, laws, column) for column in COLUMNS],
+        )
+        for vehicle in dict.fromkeys(row.vehicle for row, _ in flown)
+    ]
+    return page.render(
+        title="A league of laws", kind="League", heading=f"{len(laws)} laws in {len(scenes)} scenes", facts=facts,
+        sections=sections,
+    )  # fmt: skip
+
+
+def _figure(
+    flown: Flown, vehicle: str, scenes: Sequence[str], laws: Sequence[str], column: tuple[str, str, float, int]
+) -> page.Table | None:
+    head = (column[1], *(f"#{law}" for law in laws))
+    return page.table(head, [Line((scene, *_cells(flown, vehicle, scene, laws, column))) for scene in scenes])
+
+
+def _cells(
+    flown: Flown, vehicle: str, scene: str, laws: Sequence[str], column: tuple[str, str, float, int]
+) -> Iterator[str]:
+    field, _, factor, digits = column
+    here = {row.law.label: result for row, result in flown if (row.vehicle, row.scene) == (vehicle, scene)}
+    for law in laws:
+        result = here.get(law)
+        if result is None:
+            yield "–"
+        elif result.outcome not in GOOD_RESULTS:
+            yield result.outcome
+        else:
+            value = getattr(result, field)
+            mark = BEST if field == "rms_m" and _best(here.values()) is result else ""
+            yield ("–" if value is None else f"{factor * value:.{digits}f}") + mark
+
+
+def _best(results: Iterable[Result]) -> Result | None:
+    """The one that flew to its end with the smallest RMS."""
+    return min((result for result in results if cost(result) < np.inf), key=cost, default=None)
+
+
+def _wins(flown: Flown, vehicle: str, law: str) -> int:
+    """In how many scenes it is the best."""
+    count = 0
+    for scene in _scenes(flown):
+        here = {row.law.label: result for row, result in flown if (row.vehicle, row.scene) == (vehicle, scene)}
+        count += law in here and _best(here.values()) is here[law]
+    return count
+
+
+def _laws(flown: Flown) -> list[str]:
+    return list(dict.fromkeys(row.law.label for row, _ in flown))
+
+
+def _scenes(flown: Flown) -> list[str]:
+    return list(dict.fromkeys(row.scene for row, _ in flown))

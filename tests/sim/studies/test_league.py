@@ -1,0 +1,105 @@
+"""A league: flown, written, and checked to the bit; what is another law's win is not hidden."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from analysis.metrics import summarise
+from sim.cli.app import app
+from sim.studies import host, league, league_page
+from sim.studies.laws import chosen, followed_by
+from sim.studies.league import LeagueError, Result, Row, commands_hash, true
+from wire.lab_surroundings import law_in_file
+
+LAWS = Path(__file__).parents[3] / "examples" / "laws"
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A law's file and the default preset on the line."""
+    folder = tmp_path_factory.mktemp("league")
+    (folder / "law.py").write_text((LAWS / "geometric.py").read_text())
+    words = ["league", str(folder / "law.py"), "default", "--scene", "line", "--vehicle", "paper_40g"]
+    done = CliRunner().invoke(app, [*words, "--out", str(folder)])
+    assert done.exit_code == 0, done.output
+    return folder
+
+
+def test_the_table_has_every_law_and_the_best_is_marked(played: Path) -> None:
+    told = json.loads((played / "league.json").read_text())
+    assert [(row["law"], row["outcome"]) for row in told["rows"]] == [("law", "held"), ("default", "held")]
+    assert told["laws"]["law"]["sha256"]
+    assert {"python", "numpy", "numba", "mavlink-formation"} <= told["versions"].keys()
+    page = (played / "league.html").read_text()
+    assert page.count("★") >= 1
+
+
+def test_a_result_file_is_reproduced_to_the_bit(played: Path) -> None:
+    done = CliRunner().invoke(app, ["league", "--check", str(played / "league.json")])
+    assert done.exit_code == 0, done.output
+    assert "2 of 2 flights are the same to the bit" in done.output
+
+
+def test_a_hash_that_differs_is_named(played: Path, tmp_path: Path) -> None:
+    told = json.loads((played / "league.json").read_text())
+    told["rows"] = told["rows"][1:]
+    told["rows"][0]["commands"] = "0" * 64
+    (tmp_path / "league.json").write_text(json.dumps(told))
+    done = CliRunner().invoke(app, ["league", "--check", str(tmp_path / "league.json")])
+    assert done.exit_code == 1
+    assert "default, line, paper_40g: commands" in done.output
+
+
+def test_another_law_under_the_same_name_is_refused(played: Path) -> None:
+    text = (played / "league.json").read_text()
+    law = played / "law.py"
+    before = law.read_text()
+    law.write_text(before + "\n")
+    with pytest.raises(LeagueError, match=r"law\.py is another file: its SHA-256 is"):
+        league.known_rows(text, "league.json")
+    law.write_text(before)
+    with pytest.raises(LeagueError, match="no result file of a league"):
+        league.known_rows("{}", "other.json")
+
+
+@pytest.mark.parametrize("path", sorted(LAWS.glob("*.py")), ids=lambda path: path.stem)
+def test_every_shipped_law_holds_the_line(path: Path) -> None:
+    result = league.fly(Row(chosen(str(path)), "line", "paper_40g"))
+    assert result.outcome == "held"
+    assert result.rms_m is not None
+    assert result.rms_m < 0.15
+
+
+def test_errors_are_the_true_ones_whatever_the_cameras_show() -> None:
+    scenario = league.SCENES["2 mm of noise"](league.profile("paper_40g"))
+    _, flight = host.fly(scenario, 1, followed_by(chosen("default"), scenario.lab))
+    seen_m, true_m = (summarise(each).formation_rms_m or np.nan for each in (flight, true(flight)))
+    assert true_m < 0.6 * seen_m
+    assert len(commands_hash(flight)) == 64
+
+
+def test_who_did_not_fly_to_the_end_is_not_the_best() -> None:
+    well = Result("held", 0.01, 0.02, 0.1, 0.1, 0.01, "", 1.0)
+    lost = Result("aborted", 0.001, 0.002, 0.0, 0.1, 0.01, "", 1.0)
+    rows = [(Row(chosen(name), "line", "paper_40g"), result) for name, result in (("default", lost), ("pid", well))]
+    text = league_page.html(rows)
+    assert "aborted" in text
+    assert text.index("10.00 ★") > 0
+
+
+def test_each_vehicle_has_the_options_that_it_was_tuned_with() -> None:
+    laws = [chosen("smc.py"), chosen("default")]
+    flown = league.rows(laws, ["line"], ["paper_40g", "px4_quad"], {"smc": {"px4_quad": {"c_1_s": 2.0}}})
+    assert [dict(row.law.law) for row in flown] == [{}, {}, {"c_1_s": 2.0}, {}]
+
+
+def test_what_cannot_be_flown_is_named() -> None:
+    with pytest.raises(ValueError, match="unknown scene 'moon'; known: line, circle"):
+        league.rows([chosen("default")], ["moon"], ["paper_40g"])
+    with pytest.raises(ValueError, match="two laws are called smc"):
+        league.rows([chosen("a/smc.py"), chosen("b/smc.py")], ["line"], ["paper_40g"])
+    with pytest.raises(ValueError, match=r"which law\? smc\.py:NAME, of SMC"):
+        law_in_file(f"{LAWS / 'smc.py'}:Name", {})

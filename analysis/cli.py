@@ -1,4 +1,4 @@
-"""`gcs-log report | list | check | audit | picture | compare | layout | export | identify`: what a log says.
+"""`gcs-log report | list | check | audit | picture | compare | layout | export | identify | paper`: what a log says.
 
 Exit codes: 0 well; 1 the flight neither landed nor ended in the air as asked (`report`), or the log is damaged
 (`check`); 2 no log, or an argument that cannot be used.
@@ -272,6 +272,24 @@ def identify(
     else:
         identified.print_identification(found, Console())
         typer.echo(path)
+
+
+@app.command()
+def paper(
+    flights: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders with flight.mcap, or logs.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to; made if need be.")] = Path("figures"),
+    width: Annotated[float, typer.Option(min=30.0, metavar="MM", help="Of each figure; a column is 88.9.")] = 88.9,
+    as_json: Json = False,
+) -> None:
+    """Write a paper's figures (PDF, SVG), table, numbers, methods and citation, and the hashes of the logs."""
+    from analysis import publish
+    from wire.files import make_folder
+
+    with _refusing():
+        shown = [publish.shown(source) for source in flights]
+        make_folder(out)
+        written = [str(path) for path in publish.write(shown, out, width)]
+    typer.echo(json.dumps({"files": written}) if as_json else "\n".join(written))
 
 
 def _write_profile(found: "Identification", path: Path | None, sysid: int | None) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_pdf import FigureCanvasPdf
 from matplotlib.figure import Figure
@@ -23,6 +24,8 @@ from wire import version
 from wire.logs.mcap_scan import LogError
 
 COLUMN_MM, MM_IN, TALL = 88.9, 25.4, 0.62
+TRUE_TYPE = 42
+"""Fonts as journals take them; Matplotlib's own choice, Type 3, many reject."""
 LOG = "flight.mcap"
 FIGURES: tuple[tuple[str, str, str, float], ...] = (
     ("formation_rms_m", "Rms", "RMS, mm", 1e3),
@@ -174,7 +177,7 @@ def _plain(text: str) -> str:
 
 
 def _draw(each: Shown, folder: Path, width_mm: float) -> Iterator[Path]:
-    with style.styled():
+    with style.styled(), mpl.rc_context({"pdf.fonttype": TRUE_TYPE}):
         for name, figure in (("error", _error(each, width_mm)), ("paths", _paths(each, width_mm))):
             stem = folder / f"{each.name}-{name}"
             FigureCanvasPdf(figure)

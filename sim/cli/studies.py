@@ -230,6 +230,9 @@ def play_league(
     gains: Annotated[
         Path | None, typer.Option(metavar="FILE.toml", help="Options of own laws, as `gcs-sim tune --law` writes them.")
     ] = None,
+    bound: Annotated[
+        bool, typer.Option("--bound", help="And how much of what is possible in the gust each reaches.")
+    ] = False,
     check: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Fly a result file's rows again: the same to the bit?")
     ] = None,
@@ -256,11 +259,13 @@ def play_league(
         results = list(zip(jobs, runner.run("flights", league.fly, jobs), strict=True))
     except (OSError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
-    for table in league_page.console_tables(results):
+    bound_m = league.least_m(list(dict.fromkeys(row.vehicle for row in jobs))) if bound else {}
+    for table in league_page.console_tables(results, bound_m):
         console.print(table)
+    text = league.to_json(results, bound_m)
     if as_json:
-        print(league.to_json(results))
-    runner.write(out, {"league.json": league.to_json(results) + "\n", "league.html": league_page.html(results)})
+        print(text)
+    runner.write(out, {"league.json": text + "\n", "league.html": league_page.html(results, bound_m)})
 
 
 def _check_league(known: "list[tuple[Row, Result]]", runner: "Runner", console: Console, as_json: bool) -> None:

@@ -29,6 +29,7 @@ from formation.vehicle.profile import VehicleProfile, profile
 from sim.cameras.emulator import Gap
 from sim.scenario import Pose, Scenario, TrueVehicle
 from sim.studies import experiments, host
+from sim.studies.bound import attitude_loop, gust_pass, least_deviation_by_attitude_m
 from sim.studies.experiments import Experiment, Job
 from sim.studies.gust import chatter_deg
 from sim.studies.laws import ChosenLaw, followed_by
@@ -40,6 +41,7 @@ BUILT_IN = ("paper_smc", "paper_istsmc", "paper", "default", "pid", "geometric")
 EIGHT_M, EIGHT_YAW_RAD_S = 3.0, 0.3
 COARSE_M, HIDDEN_SHARE = 0.002, 0.05
 OUTSIDE_M = 0.01
+GUST = "gust"
 DROP_OUTS = tuple(
     Gap(at_s=at_s, for_s=0.08, body=body) for at_s, body in ((6.0, "left"), (11.0, "right"), (16.0, None))
 )
@@ -90,7 +92,7 @@ SCENES: Mapping[str, Callable[[VehicleProfile], Scenario]] = MappingProxyType(
     {
         "line": lambda v: _of(Experiment.LINE, v),
         "circle": _circle,
-        "gust": lambda v: _of(Experiment.GUST, v),
+        GUST: lambda v: _of(Experiment.GUST, v),
         "push": lambda v: _of(Experiment.PUSH, v),
         "eight, 1 m/s": lambda v: _eight(v, 1.0),
         "eight, 2 m/s": lambda v: _eight(v, 2.0),
@@ -223,8 +225,17 @@ def cost(result: Result) -> float:
     return result.rms_m if result.outcome in GOOD_RESULTS and result.rms_m is not None else np.inf
 
 
-def to_json(flown: Sequence[tuple[Row, Result]]) -> str:
-    """The result file: versions, the laws with the hashes of their files, and a row a flight."""
+def least_m(vehicles: Sequence[str]) -> dict[str, float]:
+    """The least deviation in the gust of any law that commands attitudes, by vehicle (sim.studies.bound)."""
+    scenarios = {name: SCENES[GUST](profile(name)) for name in vehicles}
+    return {
+        name: least_deviation_by_attitude_m(gust_pass(scenario), attitude_loop(scenario))
+        for name, scenario in scenarios.items()
+    }
+
+
+def to_json(flown: Sequence[tuple[Row, Result]], bound_m: Mapping[str, float] = MappingProxyType({})) -> str:
+    """The result file: versions, the laws with the hashes of their files, the bound by vehicle, and a row a flight."""
     laws = {row.law.label: _described(row.law) for row, _ in flown}
     table = [
         {
@@ -237,7 +248,9 @@ def to_json(flown: Sequence[tuple[Row, Result]]) -> str:
         | asdict(result)
         for row, result in flown
     ]
-    return json.dumps({"versions": versions(), "laws": laws, "rows": table}, indent=1, allow_nan=False)
+    return json.dumps(
+        {"versions": versions(), "laws": laws, "gust_bound_m": dict(bound_m), "rows": table}, indent=1, allow_nan=False
+    )
 
 
 def versions() -> dict[str, str]:

@@ -1,6 +1,6 @@
 """The league for people: tables for a terminal, and one page; the best law of each scene is marked, whoever it is."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from rich.table import Table
@@ -9,9 +9,10 @@ from analysis import page
 from analysis.page import Row as Line
 from analysis.page import Section
 from formation.codes import GOOD_RESULTS
-from sim.studies.league import Result, Row, cost, versions
+from sim.studies.league import GUST, Result, Row, cost, versions
 
 Flown = Sequence[tuple[Row, Result]]
+Bound = Mapping[str, float]
 COLUMNS: tuple[tuple[str, str, float, int], ...] = (
     ("rms_m", "RMS, mm", 1e3, 2),
     ("max_m", "largest, mm", 1e3, 1),
@@ -24,8 +25,8 @@ COLUMNS: tuple[tuple[str, str, float, int], ...] = (
 BEST = " ★"
 
 
-def console_tables(flown: Flown) -> Iterator[Table]:
-    """RMS by law and scene, a table a vehicle."""
+def console_tables(flown: Flown, bound_m: Bound) -> Iterator[Table]:
+    """RMS by law and scene, a table a vehicle; bound_m: of the gust, by vehicle."""
     for vehicle in dict.fromkeys(row.vehicle for row, _ in flown):
         scenes, laws = _scenes(flown), _laws(flown)
         table = Table(title=f"{vehicle}: RMS off the slot, mm")
@@ -34,12 +35,14 @@ def console_tables(flown: Flown) -> Iterator[Table]:
             table.add_column(law, justify="right")
         for scene in scenes:
             table.add_row(scene, *_cells(flown, vehicle, scene, laws, COLUMNS[0]))
+        for cells in _shares(flown, vehicle, laws, bound_m):
+            table.add_row(*cells)
         table.add_row("best in", *(str(_wins(flown, vehicle, law)) for law in laws))
         yield table
 
 
-def html(flown: Flown) -> str:
-    """The page: a section a vehicle, a table a figure."""
+def html(flown: Flown, bound_m: Bound) -> str:
+    """The page: a section a vehicle, a table a figure; bound_m: of the gust, by vehicle."""
     laws, scenes = _laws(flown), _scenes(flown)
     facts = ", ".join(f"{name} {value}" for name, value in versions().items())
     sections = [
@@ -47,7 +50,10 @@ def html(flown: Flown) -> str:
             vehicle,
             vehicle,
             "A star marks the law with the smallest RMS of those that flew to the end.",
-            parts=[_figure(flown, vehicle, scenes, laws, column) for column in COLUMNS],
+            parts=[
+                *(_figure(flown, vehicle, scenes, laws, column) for column in COLUMNS),
+                page.table(("", *(f"#{law}" for law in laws)), _shares(flown, vehicle, laws, bound_m)),
+            ],
         )
         for vehicle in dict.fromkeys(row.vehicle for row, _ in flown)
     ]
@@ -55,6 +61,15 @@ def html(flown: Flown) -> str:
         title="A league of laws", kind="League", heading=f"{len(laws)} laws in {len(scenes)} scenes", facts=facts,
         sections=sections,
     )  # fmt: skip
+
+
+def _shares(flown: Flown, vehicle: str, laws: Sequence[str], bound_m: Bound) -> Iterator[tuple[str, ...]]:
+    """The least largest deviation in the gust over each law's; nothing where no bound was computed."""
+    here = {row.law.label: result for row, result in flown if (row.vehicle, row.scene) == (vehicle, GUST)}
+    if vehicle in bound_m and here:
+        largest_m = (here[law].max_m if law in here and cost(here[law]) < np.inf else None for law in laws)
+        shares = ("–" if most is None else f"{100.0 * bound_m[vehicle] / most:.0f}" for most in largest_m)
+        yield (f"gust: {1e3 * bound_m[vehicle]:.1f} mm possible, % of largest", *shares)
 
 
 def _figure(

@@ -4,8 +4,9 @@ The leader, the frames' times and what acted on the followers are as recorded (s
 simulated from the hold before the formation on.
 """
 
+import json
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import inf
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from analysis.load import Flight, from_records
 from formation.codes import FlightResult
 from formation.config import LabConfig
+from formation.control.presets import Preset
 from formation.maths import frames
 from formation.messages import LabFrame, Phase
 from gcs.recording import run_metadata
@@ -65,7 +67,7 @@ class _Reflight:
         law, lab = change.law, recorded.lab.model_copy(update={"control_preset": before.lab.control_preset})
         gains, own = (None, None) if law is None else (followed_by(law, lab), law.own(lab))
         self._ground = Ground(recorded.lab, self._vehicles, gains, own)
-        self._metadata = _metadata(recorded.lab, scenario.name, law)
+        self._metadata = _metadata(recorded.lab, scenario.name, law, gains)
         self._phases, self._attitudes = deque(recorded.phases), deque(recorded.attitudes)
         self._in_transit: deque[tuple[int, LabFrame]] = deque()
         self._late_ns, self._watched_ns = round(change.delay_s * 1e9), recorded.begin_ns
@@ -138,7 +140,9 @@ class _Reflight:
             self._plan = replace(self._plan, trajectory_start_ns=begun_ns)
 
 
-def _metadata(lab: LabConfig, name: str, law: ChosenLaw | None) -> dict[str, str]:
+def _metadata(lab: LabConfig, name: str, law: ChosenLaw | None, gains: Preset | None) -> dict[str, str]:
     """What the log of it would say."""
     named = {} if law is None or law.is_preset else {"control_law": law.name}
+    if gains is not None:
+        named["gains"] = json.dumps({vehicle.profile: asdict(gains) for vehicle in lab.vehicles})
     return run_metadata(lab, T0_NS) | {"scenario": name, "host": Host.STUDY} | named

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from matplotlib.ticker import FuncFormatter, NullFormatter
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -72,7 +73,9 @@ def html(of: WhatIf) -> str:
         flown = [compare.flown(side.name, side.flight, k == 0) for k, side in enumerate(of.sides)]
         back = compare.draw_errors(flown[0], flown[1])
         error, paths = compare.draw_errors(flown[0], flown[2]), compare.draw_paths(flown[0], flown[2])
-        known = [_draw_known(of, trust) for trust in of.trust]
+        spectra = [_draw_known(of, trust) for trust in of.trust]
+    back_text, *others = lines(of)
+    known = page.table(("",), [(line,) for line in others])
     name, other = of.recorded.name, of.other.name
     return render(
         title=f"{name} under {other} · what if",
@@ -84,13 +87,13 @@ def html(of: WhatIf) -> str:
             Section("numbers", "Numbers", parts=(_table(of),)),
             Section("error", "Formation error", "Root mean square over the followers at each moment.", (error,)),
             Section("paths", "Paths", "From above, in formation.", (paths,)),
-            Section("trust", "How far to trust it", " ".join(lines(of)), (back,), parts=(_commands(of),)),
+            Section("trust", "How far to trust it", back_text, (back,), parts=(known, _commands(of))),
             Section(
                 "disturbance",
                 "Disturbance",
                 "What acted on each follower beside its model, by frequency. Up to the line it is known: what is found "
                 "above is mostly the cameras' noise.",
-                known,
+                spectra,
             ),
             compare.setup_section(of.again, of.other),
         ),
@@ -130,5 +133,8 @@ def _draw_known(of: WhatIf, trust: Trust) -> Drawing:
         ax.axvspan(LEAST_HZ, min(known_hz, MOST_HZ), color=style.PHASES[Phase.FORMATION], alpha=0.45, lw=0)
         ax.axvline(known_hz, color=style.INK, lw=1.0)
         ax.set(title=f"{trust.body}, {name}", xlabel="Hz", xlim=(LEAST_HZ, MOST_HZ))
+        for along in (ax.xaxis, ax.yaxis):
+            along.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            along.set_minor_formatter(NullFormatter())
     axes[0][0].set_ylabel("amplitude, m/s²")
     return fig

@@ -3,9 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.performance_bound import STEP_S, gust_pass, least_deviation_m, main
+from bench.performance_bound import main
 from formation.vehicle.profile import PROFILES, profile
 from sim.scenario import load
+from sim.studies.bound import STEP_S, gust_pass, least_deviation_m
 from sim.studies.experiments import Experiment, Job, scenario_of
 from wire.config_file import dump
 

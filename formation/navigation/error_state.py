@@ -98,9 +98,9 @@ def _step(r: Float, force_lab: Float, modelled_m_s2: float, dt_s: float) -> Floa
 
 @kernel
 def transition(errors: Float, step: Float, dt_s: float) -> None:
-    """errors = F errors, in place; each column (errors, k) is one error state."""
-    for k in range(errors.shape[1]):
-        for i in range(3):
+    """errors = F errors, in place; each column (errors, k) is one error state. Along the rows, which lie in a row."""
+    for i in range(3):
+        for k in range(errors.shape[1]):
             gained = step[i, 6] * errors[SCALE, k]
             for j in range(3):
                 gained += step[i, j] * errors[ATT + j, k] + step[i, 3 + j] * errors[BIAS + j, k]

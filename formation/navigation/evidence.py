@@ -14,6 +14,7 @@ from math import sqrt
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from formation.maths.arrays import Float, Layout
 from formation.maths.kernel import kernel
@@ -28,6 +29,7 @@ OLDEST_NS = 4_000_000_000
 _SINGULAR = 1e-9
 CLEARLY = 1.0 + 1e-6
 """More: of faults that explain the same alike, to rounding, the first of the table is named."""
+Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +73,12 @@ class Bank(NamedTuple):
     """The hypotheses of n bodies: m, d and c above, of every column of every onset, side by side.
 
     onsets (n * ONSETS); response (n, errors, ONSETS * columns); evidence (n, ONSETS * columns); information
-    (n, 3, ONSETS * columns).
+    (n, 3, ONSETS * columns). partners (3, ONSETS * columns): of each column those of its fault's axes, itself for lack
+    of more. What it says of an onset that is none is not read: it begins anew with the onset.
     """
 
     shapes: Rows[Shape]
+    partners: Index
     onsets: Rows[Onset]
     order: Rows[Order]
     response: Float
@@ -84,9 +88,18 @@ class Bank(NamedTuple):
 
 def empty_bank(shapes: Rows[Shape], n: int) -> Bank:
     """Of n bodies, without a hypothesis."""
-    width = ONSETS * int(shapes["axes"].sum())
+    columns = np.concatenate([_partners(each.first, each.axes) for each in (shapes[k] for k in range(len(shapes)))], 1)
+    partners = np.concatenate([columns + slot * columns.shape[1] for slot in range(ONSETS)], 1)
+    width = partners.shape[1]
     onsets, order = blank(Onset, n * ONSETS), blank(Order, n)
-    return Bank(shapes, onsets, order, np.zeros((n, ERRORS, width)), np.zeros((n, width)), np.zeros((n, 3, width)))
+    return Bank(
+        shapes, partners, onsets, order, np.zeros((n, ERRORS, width)), np.zeros((n, width)), np.zeros((n, 3, width))
+    )
+
+
+def _partners(first: int, axes: int) -> Index:
+    own = np.arange(first, first + axes)
+    return np.stack([np.full(axes, first + axis) if axis < axes else own for axis in range(3)])
 
 
 @kernel
@@ -154,20 +167,21 @@ def add_evidence(
     response, evidence, information = bank.response[i], bank.evidence[i], bank.information[i]
     width = len(evidence)
     columns = width // ONSETS
-    g = np.zeros(width)
-    for k in range(bank.order[i].count):
-        slot = bank.order[i].slots[k]
-        age_s = (t_ns - bank.onsets[i * ONSETS + slot].t_ns) * 1e-9
-        for row in range(len(bank.shapes)):
-            shape = bank.shapes[row]
-            kind, first = kind_of(shape, source), slot * columns + shape.first
+    g, partner = np.zeros(width), np.empty(width)
+    order = bank.order[i]
+    for row in range(len(bank.shapes)):
+        shape = bank.shapes[row]
+        kind = kind_of(shape, source)
+        for k in range(order.count if kind != NOTHING else 0):
+            slot = order.slots[k]
+            first, age_s = slot * columns + shape.first, (t_ns - bank.onsets[i * ONSETS + slot].t_ns) * 1e-9
             if kind == LATE:
                 g[first] = h[DELAY]
             elif kind == LATER:
                 g[first] = age_s * h[DELAY]
             elif kind == LOSS:
                 g[first] = h[SCALE]
-            elif kind != NOTHING:
+            else:
                 g[first + axis] = age_s if kind == RAMP else 1.0
     for state in range(ERRORS):
         if h[state] != 0.0:
@@ -178,13 +192,11 @@ def add_evidence(
             response[state, column] += gain[state] * g[column]
     for column in range(width):
         evidence[column] += innovation / variance * g[column]
-    for k in range(bank.order[i].count):
-        for row in range(len(bank.shapes)):
-            shape = bank.shapes[row]
-            first = bank.order[i].slots[k] * columns + shape.first
-            for a in range(shape.axes):
-                for b in range(shape.axes):
-                    information[b, first + a] += g[first + a] * g[first + b] / variance
+    for b in range(3):
+        for column in range(width):
+            partner[column] = g[bank.partners[b, column]]
+        for column in range(width):
+            information[b, column] += g[column] * partner[column] / variance
 
 
 @kernel

@@ -61,7 +61,8 @@ class GuardedDrone:
             busy = autopilot.due_ns <= now_ns
             if busy:
                 turn = autopilot.turn(now_ns)
-                outgoing.events.extend(turn.events)
+                if turn.events:
+                    outgoing.events.extend(turn.events)
                 if turn.truth is not None:
                     outgoing = outgoing._replace(truth=turn.truth)
                 if turn.frames:

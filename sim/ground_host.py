@@ -21,7 +21,7 @@ PAUSE_NS = round(PAUSE_S * 1e9)
 
 
 class VirtualIntake:
-    """`enqueue` what arrives, then `turn`, again at `due_ns`.
+    """Enqueue what arrives in `backlog`, then `turn`, again at `due_ns`.
 
     Each packet costs the ground some work, done as simulated time passes. A turn ends when TURN_NS of it are to be
     done; what waits then has its turn when that is done and everybody else had theirs, and becomes newer meanwhile.
@@ -29,16 +29,13 @@ class VirtualIntake:
 
     def __init__(self, sysid: int, work_ns: int, counters: LinkCounters) -> None:
         """work_ns: that one packet costs."""
-        self._backlog = Backlog(sysid, counters)
+        self.backlog = Backlog(sysid, counters)
+        """What has arrived."""
         self._work_ns = work_ns
         self._idle_ns = 0
         """When all work is done."""
         self.due_ns = NOTHING_DUE_NS
         """When the next turn of what waits is due."""
-
-    def enqueue(self, datagram: Datagram) -> None:
-        """A datagram has arrived."""
-        self._backlog.enqueue(datagram.data, datagram.superseded)
 
     def turn(self, now_ns: int) -> Iterator[Datagram]:
         """What is delivered now; nothing while an earlier turn's work is not done."""
@@ -46,7 +43,7 @@ class VirtualIntake:
             return
         self._idle_ns = max(self._idle_ns, now_ns)
         self.due_ns = NOTHING_DUE_NS
-        for datagram in self._backlog.dequeue():
+        for datagram in self.backlog.dequeue():
             yield datagram
             self._idle_ns += self._work_ns * max(frame_count(datagram.data), 1) if self._work_ns else 0
             if self._idle_ns - now_ns >= TURN_NS:
@@ -129,9 +126,10 @@ class GroundHost:
         sysid = datagram.sysid
         if sysid not in self._intakes:
             self._intakes[sysid] = VirtualIntake(sysid, self._ingest_ns, self.counters)
-        self._intakes[sysid].enqueue(datagram)
+        intake = self._intakes[sysid]
+        intake.backlog.enqueue(datagram.data, datagram.superseded)
         if self._input.runs:
-            self._ingest(self._intakes[sysid], now_ns)
+            self._ingest(intake, now_ns)
 
     def _ingest(self, intake: VirtualIntake, now_ns: int) -> None:
         for datagram in intake.turn(now_ns):

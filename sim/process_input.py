@@ -20,13 +20,10 @@ class ProcessInput(Generic[T]):
     def __init__(self) -> None:
         self.runs = True
         """Whether it receives its input and ticks."""
+        self.lives = True
+        """Whether the process exists, stalled or not."""
         self._life = Life.ALIVE
         self._held: list[T] = []
-
-    @property
-    def lives(self) -> bool:
-        """Whether the process exists, stalled or not."""
-        return self._life is not Life.DEAD
 
     def admits(self, item: T) -> bool:
         """Whether the core receives the item now; a stalled core gets it later."""
@@ -51,4 +48,4 @@ class ProcessInput(Generic[T]):
         return held
 
     def _become(self, life: Life) -> None:
-        self._life, self.runs = life, life is Life.ALIVE
+        self._life, self.runs, self.lives = life, life is Life.ALIVE, life is not Life.DEAD

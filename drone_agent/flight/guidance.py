@@ -78,9 +78,9 @@ class Guidance:
 
     def _accepts(self, now_ns: int) -> bool:
         """Note a setpoint of the stream; whether it is to be followed."""
-        autopilot = self._autopilot
-        autopilot.stream.note(now_ns, in_mode=autopilot.in_stream_mode)
-        return autopilot.in_stream_mode
+        in_mode = self._autopilot.in_stream_mode
+        self._autopilot.stream.note(now_ns, in_mode=in_mode)
+        return in_mode
 
     def _ahead(self, rate_flu_rad_s: Vec3) -> Quat:
         """The attitude so far ahead that the attitude loop, when it gets it, turns at this rate."""

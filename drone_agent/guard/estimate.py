@@ -139,8 +139,8 @@ class BodyEstimate:
         before = counts.tolist()
         if navigator.receive_pose(_ONE, np.array([t_ns]), pos_lab_m[None], q_lab_from_flu[None]):
             self._collect_faults()
-        counted = [k for k, (new, old) in enumerate(zip(counts.tolist(), before, strict=True)) if new > old]
-        return _REASONS[counted[0]] if counted else RejectReason.NONE
+        after = counts.tolist()
+        return next((reason for reason in _REASONS if after[reason] > before[reason]), RejectReason.NONE)
 
     @property
     def pose_fault(self) -> str:

@@ -176,21 +176,22 @@ class BodyHold:
         self._hold_xy_m = (0.0, 0.0)
         self._height_m = 0.0
         self._sunk_m, self._sunk_ns = 0.0, 0
-        self._rest_lab_m = [math.nan] * 3
+        self._rest_lab_m: list[float] | None = None
         self._floor_m = math.nan
         """Its height as it stood on the floor; NaN where that was not seen."""
         self._open_loop_s = 0.0
 
     def update_rest(self, now_ns: int, *, armed: bool) -> bool:
-        """Whether it is still where it came to rest; what moves comes to rest anew every _STILL_M. Disarmed, it is on
-        the floor."""
-        motion = self._estimate.motion(now_ns)
+        """Whether it is still where it came to rest, disarmed, which is on the floor; what moves comes to rest anew
+        every _STILL_M."""
+        motion = None if armed else self._estimate.motion(now_ns)
         if motion is None:
+            self._rest_lab_m = None
             return False
         pos_lab_m = motion.pos_lab_m.tolist()
-        self._floor_m = self._floor_m if armed else pos_lab_m[2]
-        rests = math.dist(pos_lab_m, self._rest_lab_m) <= _STILL_M
-        if not rests:
+        self._floor_m = pos_lab_m[2]
+        rests = self._rest_lab_m is None or math.dist(pos_lab_m, self._rest_lab_m) <= _STILL_M
+        if self._rest_lab_m is None or not rests:
             self._rest_lab_m = pos_lab_m
         return rests
 

@@ -63,6 +63,7 @@ from wire.link_messages import (
 )
 from wire.mavlink.codec import read_message
 from wire.mavlink.framing import FrameCutter, MavlinkError
+from wire.mavlink.text import TextChunk, text_of
 
 U8, U16, U32 = st.integers(0, 255), st.integers(0, 2**16 - 1), st.integers(0, 2**32 - 1)
 I32, U64, I64 = st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**64 - 1), st.integers(-(2**63), 2**63 - 1)
@@ -200,4 +201,7 @@ def decode_packet(data: bytes) -> Packet:
     frames = FrameCutter().cut(data)
     if [frame.data for frame in frames] != [data]:
         raise MavlinkError("not one whole MAVLink packet with its checksum")
-    return Packet(frames[0].source, frames[0].seq, read_message(frames[0]))
+    message = read_message(frames[0])
+    if isinstance(message, TextChunk):
+        message = text_of(message.severity, [message.part])
+    return Packet(frames[0].source, frames[0].seq, message)

@@ -5,7 +5,7 @@ that error and goes on. Bytes out are those of pymavlink, whose tables are used 
 """
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from wire.link_messages import (
@@ -19,9 +19,9 @@ from wire.link_messages import (
     TimeSync,
     UnknownMessage,
 )
-from wire.mavlink.framing import Fields, Frame, FrameCutter, Layout, MavlinkError, framed
+from wire.mavlink.framing import Frame, FrameCutter, Layout, MavlinkError, framed
 from wire.mavlink.messages import READERS, TABLE, WRITERS, Read
-from wire.mavlink.text import STATUSTEXT, TextChunk, TextJoiner, chunk_text, text_of
+from wire.mavlink.text import STATUSTEXT, TextChunk, TextJoiner, chunk_text
 
 # What says for whom it is: both numbers of an address, or the system alone.
 _ADDRESSED = frozenset(kind for kind in WRITERS if "target" in kind.__match_args__)
@@ -39,13 +39,22 @@ _BYTEWISE = {
 }
 
 
-def read_message(frame: Frame) -> LinkMessage:
-    """The message in a frame; a chunk of a long text reads as a text of its own. Raises MavlinkError.
+def read_message(frame: Frame, readers: Mapping[int, tuple[Layout, Read]] = READERS) -> LinkMessage | TextChunk:
+    """The message in a frame, of a long text a chunk; MavlinkError if its payload says something impossible.
 
-    One of an id that nothing here reads is Unknown.
+    One of an id that none of `readers` reads is Unknown.
     """
-    message = _read(frame, READERS)
-    return text_of(message.severity, [message.part]) if isinstance(message, TextChunk) else message
+    known = readers.get(frame.number)
+    if known is None:
+        return UnknownMessage(frame.number)
+    if frame.message is None:
+        layout, read = known
+        try:
+            frame.message = read(layout.unpack(frame.payload))
+        except ValueError as error:
+            raise MavlinkError(f"{layout.name}: {error}") from error
+    message: LinkMessage | TextChunk = frame.message
+    return message
 
 
 class Codec:
@@ -78,15 +87,14 @@ class Codec:
 
         Raises MavlinkError where MAVLink cannot carry it: a number out of its field's range, a name too long.
         """
-        if isinstance(message, StatusText):
-            self._text_id = self._text_id % 0xFFFF + 1
-            return [self._frame(STATUSTEXT, chunk) for chunk in chunk_text(message, self._text_id)]
-        write = WRITERS.get(type(message))
-        if write is None:
-            raise MavlinkError(f"{type(message).__name__} has no bytes of its own")
+        write: Callable[[LinkMessage], tuple[Any, ...]] = WRITERS.get(type(message)) or self._written_text
+        frames: list[Frame] = []
         try:
-            layout, fields = write(message)
-            return [self._frame(layout, fields)]
+            layout, *several = write(message)
+            for fields in several:
+                frames.append(framed(layout, fields, self.own, self._seq))  # which may raise, and then takes no number
+                self._seq = (self._seq + 1) & 0xFF
+            return frames
         except (struct.error, OverflowError, ValueError) as error:  # NaN in the place of an integer, too
             raise MavlinkError(f"{type(message).__name__}: {error}") from error
 
@@ -116,7 +124,7 @@ class Codec:
         for frame in frames:
             source, seq = frame.source, frame.seq
             try:
-                message = _read(frame, self._readers)
+                message = read_message(frame, self._readers)
             except MavlinkError:
                 self.unreadable_packets += 1
                 continue
@@ -138,25 +146,12 @@ class Codec:
             return target.system in (BROADCAST, own.system) and target.component in (BROADCAST, own.component)
         return kind not in _FOR_SYSTEM or message.target_system in (BROADCAST, own.system)
 
-    def _frame(self, layout: Layout, fields: Fields) -> Frame:
-        frame = framed(layout, fields, self.own, self._seq)  # which may raise, and then takes no number
-        self._seq = (self._seq + 1) & 0xFF
-        return frame
-
-
-def _read(frame: Frame, readers: Mapping[int, tuple[Layout, Read]]) -> LinkMessage | TextChunk:
-    """The message of a frame; MavlinkError if its payload says something impossible."""
-    known = readers.get(frame.number)
-    if known is None:
-        return UnknownMessage(frame.number)
-    if frame.message is None:
-        layout, read = known
-        try:
-            frame.message = read(layout.unpack(frame.payload))
-        except ValueError as error:
-            raise MavlinkError(f"{layout.name}: {error}") from error
-    message: LinkMessage | TextChunk = frame.message
-    return message
+    def _written_text(self, message: LinkMessage) -> tuple[Any, ...]:
+        """What has no row of its own: the chunks of a text, numbered."""
+        if not isinstance(message, StatusText):
+            raise MavlinkError("it has no bytes of its own")
+        self._text_id = self._text_id % 0xFFFF + 1
+        return STATUSTEXT, *chunk_text(message, self._text_id)
 
 
 def param_to_raw(value: float, kind: ParamType, autopilot: MavAutopilot) -> bytes:

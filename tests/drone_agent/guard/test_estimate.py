@@ -171,7 +171,7 @@ def test_rest_is_told_by_the_place(noise_m: float, speed_m_s: float, rests: bool
 
     def look(now_ns: int) -> None:
         nonlocal longest, since_ns
-        if not body.hold.update_rest(now_ns, armed=True):
+        if not body.hold.update_rest(now_ns, armed=False):
             since_ns = now_ns
         longest = max(longest, now_ns - since_ns)
 

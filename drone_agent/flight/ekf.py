@@ -9,6 +9,7 @@ from math import atan2, cos, sin, sqrt
 import numpy as np
 
 from formation.maths.arrays import Float
+from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import heading_of, matrix_into
 from formation.vehicle.body import GRAVITY_M_S2
@@ -161,7 +162,7 @@ def _correct(x: Float, cov: Float, history: Float, error: int, innovation: float
 def _past(x: Float, history: Float, t_s: float, row: int, was: Float) -> bool:
     """Position and heading (4) at t_s, between the two samples about it; False where it lies before all of them."""
     newer = row
-    was[:] = history[newer, 1:5]
+    copy_into(history[newer, 1:5], was)
     if t_s >= history[newer, 0]:
         for n in range(3):
             was[n] += (t_s - history[newer, 0]) * x[VEL + n]

@@ -12,6 +12,7 @@ import numpy as np
 
 from drone_agent.guard.position import LoopSetpoint
 from formation.maths.arrays import Float
+from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import multiply_into
 from formation.vehicle.body import (
@@ -76,7 +77,7 @@ def turn_target(q_lab_from_flu: Float, q_estimated: Float, asked: Float, target:
     back[0] = q_estimated[0]
     multiply_into(q_lab_from_flu, back, turn)
     multiply_into(turn, asked[0:4], target[0:4])
-    target[4:8] = asked[4:8]
+    copy_into(asked[4:8], target[4:8])
 
 
 @kernel

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
 from formation.maths.arrays import Float, Layout
+from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import thrust_axis
 from formation.maths.records import Rows, blank, like
@@ -60,10 +61,11 @@ def remember(history: Rows[SentCommands], t_ns: int, force: Float) -> Rows[SentC
 @kernel
 def _remember(history: Rows[SentCommands], t_ns: int, force: Float, new: Rows[SentCommands]) -> None:
     for i in range(len(history)):
-        new[i].t_ns[:-1] = history[i].t_ns[1:]
-        new[i].force[:-1] = history[i].force[1:]
+        for k in range(LENGTH - 1):
+            new[i].t_ns[k] = history[i].t_ns[k + 1]
+            copy_into(history[i].force[k + 1], new[i].force[k])
         new[i].t_ns[-1] = t_ns
-        new[i].force[-1] = force[i]
+        copy_into(force[i], new[i].force[-1])
 
 
 @kernel

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.maths.arrays import Bool, Float
+from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
 
 Index = NDArray[np.int64]
@@ -40,6 +41,6 @@ def ascending(values: Float, chosen: Bool) -> Index:
                 from_left = right >= end or (left < middle and values[order[left]] <= values[order[right]])
                 merged[k] = order[left] if from_left else order[right]
                 left, right = left + from_left, right + (not from_left)
-        order[:count] = merged
+        copy_into(merged, order[:count])
         width *= 2
     return order[:count]

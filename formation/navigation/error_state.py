@@ -10,6 +10,7 @@ A vector is used one scalar after the other, so that the innovations are white a
 import numpy as np
 
 from formation.maths.arrays import Float
+from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import matrix_into, multiply_into, rotate_into, rotation_vector_of, turn_into
 from formation.navigation.state import ATT, BIAS, DELAY, ERRORS, LEVEL, POS, SCALE, VEL, Estimate
@@ -42,7 +43,7 @@ def turn_lab(q: Float, rotation_lab_rad: Float) -> None:
     inverse[0], inverse[1], inverse[2], inverse[3] = q[0], -q[1], -q[2], -q[3]
     rotate_into(inverse, rotation_lab_rad, rotation_flu)
     turn_into(q, rotation_flu, out)
-    q[:] = out
+    copy_into(out, q)
 
 
 @kernel
@@ -59,8 +60,8 @@ def move(x: Estimate, force_flu_m_s2: Float, rate_flu_rad_s: Float, dt_s: float,
         x.pos_lab_m[axis] += dt_s * (x.vel_lab_m_s[axis] + 0.5 * gained)
         x.vel_lab_m_s[axis] += gained
     turn_into(x.q_lab_from_flu, dt_s * rate_flu_rad_s, turned)
-    x.q_lab_from_flu[:] = turned
-    x.rate_flu_rad_s[:] = rate_flu_rad_s
+    copy_into(turned, x.q_lab_from_flu)
+    copy_into(rate_flu_rad_s, x.rate_flu_rad_s)
 
 
 @kernel

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.maths.arrays import Float, Layout
+from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, blank
 from formation.navigation.state import DELAY, ERRORS, POSE_ATTITUDE, POSE_POSITION, SCALE, THRUST, Estimate, Fault
@@ -106,15 +107,16 @@ def _partners(first: int, axes: int) -> Index:
 def copy_estimate(old: Estimate, new: Estimate) -> None:
     """new = old."""
     new.t_ns = old.t_ns
-    new.pos_lab_m[:] = old.pos_lab_m
-    new.vel_lab_m_s[:] = old.vel_lab_m_s
-    new.q_lab_from_flu[:] = old.q_lab_from_flu
-    new.accel_bias_flu_m_s2[:] = old.accel_bias_flu_m_s2
-    new.level_bias_flu_rad[:] = old.level_bias_flu_rad
+    copy_into(old.pos_lab_m, new.pos_lab_m)
+    copy_into(old.vel_lab_m_s, new.vel_lab_m_s)
+    copy_into(old.q_lab_from_flu, new.q_lab_from_flu)
+    copy_into(old.accel_bias_flu_m_s2, new.accel_bias_flu_m_s2)
+    copy_into(old.level_bias_flu_rad, new.level_bias_flu_rad)
     new.thrust_scale, new.pose_delay_s, new.thrust_m_s2 = old.thrust_scale, old.pose_delay_s, old.thrust_m_s2
-    new.rate_flu_rad_s[:] = old.rate_flu_rad_s
-    new.force_lab_m_s2[:] = old.force_lab_m_s2
-    new.cov[:] = old.cov
+    copy_into(old.rate_flu_rad_s, new.rate_flu_rad_s)
+    copy_into(old.force_lab_m_s2, new.force_lab_m_s2)
+    for row in range(ERRORS):
+        copy_into(old.cov[row], new.cov[row])
 
 
 @kernel
@@ -228,7 +230,7 @@ def find_fault(bank: Bank, i: int, t_ns: int, fault: Fault) -> int:
                 most, found = statistic / shape.threshold, slot
                 fault.row, fault.t_ns, fault.statistic = row, t_ns, statistic
                 fault.onset_ns = bank.onsets[i * ONSETS + slot].t_ns
-                fault.amplitude[:] = amplitude
+                copy_into(amplitude, fault.amplitude)
     return found
 
 

@@ -13,6 +13,7 @@ from math import isfinite, sqrt
 import numpy as np
 
 from formation.maths.arrays import Float
+from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import rotate_into, turn_into
 from formation.navigation.error_state import inject, innovation_variance, predict, rotation_vector_into
@@ -76,8 +77,8 @@ def coast(body: Body, until_ns: int, bank: Bank, i: int) -> None:
             whole = ring.t_ns[at] <= until_ns
             end_ns = min(ring.t_ns[at], until_ns)
             known = (ring.t_ns[at] - x.t_ns) * 1e-9 <= GAP_S
-            force[:] = ring.force_flu_m_s2[at]
-            rate[:] = ring.rate_flu_rad_s[at]
+            copy_into(ring.force_flu_m_s2[at], force)
+            copy_into(ring.rate_flu_rad_s[at], rate)
         dt_s = (end_ns - x.t_ns) * 1e-9
         span_s = dt_s
         if known and number > 0:
@@ -113,9 +114,9 @@ def begin(body: Body, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> Non
     """Starts the estimate at a pose, its velocity unknown; what is learned slowly stays, as uncertain as at first."""
     x = body.estimate
     x.t_ns = t_ns
-    x.pos_lab_m[:] = pos_lab_m
+    copy_into(pos_lab_m, x.pos_lab_m)
     x.vel_lab_m_s[:] = 0.0
-    x.q_lab_from_flu[:] = q_lab_from_flu
+    copy_into(q_lab_from_flu, x.q_lab_from_flu)
     x.cov[:] = 0.0
     for i in range(3):
         x.cov[POS + i, POS + i] = body.noise.source[POSE_POSITION]
@@ -169,7 +170,9 @@ def start_delay(body: Body) -> None:
         return
     body.status.timed = True
     shift = np.zeros(ERRORS)
-    shift[POS : POS + 3] = certain(x.vel_lab_m_s, _shown_vel_error(x)) * x.vel_lab_m_s
+    certainty = certain(x.vel_lab_m_s, _shown_vel_error(x))
+    for axis in range(3):
+        shift[POS + axis] = certainty * x.vel_lab_m_s[axis]
     for i in range(ERRORS):
         for j in range(ERRORS):
             if i != DELAY and j != DELAY:
@@ -332,8 +335,8 @@ def advance(body: Body, bank: Bank, i: int) -> None:
         use_pose(body, t_ns, pending.pos_lab_m[0].copy(), pending.q_lab_from_flu[0].copy(), bank, i)
         for k in range(1, pending.count):
             pending.t_ns[k - 1] = pending.t_ns[k]
-            pending.pos_lab_m[k - 1] = pending.pos_lab_m[k]
-            pending.q_lab_from_flu[k - 1] = pending.q_lab_from_flu[k]
+            copy_into(pending.pos_lab_m[k], pending.pos_lab_m[k - 1])
+            copy_into(pending.q_lab_from_flu[k], pending.q_lab_from_flu[k - 1])
         pending.count -= 1
     _compare_attitude(body, newest_ns, bank, i)
     if body.status.begun and pending.count == 0 and newest_ns - x.t_ns > LATEST_NS:

@@ -5,6 +5,7 @@ from math import exp
 import numpy as np
 
 from formation.maths.arrays import Float
+from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import matrix_into, turn_into
 from formation.navigation.error_state import inject, innovation_variance, rotation_vector_into, update
@@ -52,9 +53,9 @@ def record(
     """Notes the innovation (3) of a source; whether it is consistent along every axis."""
     out, consistent = body.innovations, True
     out.t_ns[source] = t_ns
-    out.observation[source] = observation
-    out.innovation[source] = innovation
-    out.innovation_variance[source] = variance
+    copy_into(observation, out.observation[source])
+    copy_into(innovation, out.innovation[source])
+    copy_into(variance, out.innovation_variance[source])
     for axis in range(3):
         ratio = 0.0
         if variance[axis] > 0.0:
@@ -128,7 +129,7 @@ def use_attitude(body: Body, t_ns: int, q_lab_from_flu: Float, bank: Bank, i: in
     rotation_vector_into(q_lab_from_flu, biased, innovation)
     for axis in range(3):
         rows[axis, ATT + axis] = 1.0
-        rows[axis, LEVEL : LEVEL + 3] = r[axis]
+        copy_into(r[axis], rows[axis, LEVEL : LEVEL + 3])
         variance[axis] = innovation_variance(x.cov, rows[axis], body.noise.source[AUTOPILOT_ATTITUDE], p_h)
     dt_s = (t_ns - body.innovations.t_ns[AUTOPILOT_ATTITUDE]) * 1e-9
     record(body, AUTOPILOT_ATTITUDE, t_ns, q_lab_from_flu[1:], innovation, variance, True)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.maths.arrays import Float
+from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import turn_flu_rad
 from formation.maths.records import Rows
@@ -84,15 +85,15 @@ def receive_attitude(bodies: Rows[Body], rejected: Ints, which: Ints, t_ns: Ints
         at = (ring.count - 1) % SAMPLES
         modelled = not measures_force(ring)
         if ring.count == 0 or t_ns[k] - ring.t_ns[at] > (0.0 if modelled else GAP_S * 1e9):
-            mean_rate[:] = rate[k]
+            copy_into(rate[k], mean_rate)
             rate_var = np.nan
             if ring.count > 0 and ring.t_ns[at] == last_ns:
                 dt_s = (t_ns[k] - last_ns) * 1e-9
-                mean_rate[:] = turn_flu_rad(pending.q_lab_from_flu_autopilot, attitude) / dt_s
+                copy_into(turn_flu_rad(pending.q_lab_from_flu_autopilot, attitude) / dt_s, mean_rate)
                 rate_var = 2.0 * body.noise.source[AUTOPILOT_ATTITUDE] / (dt_s * dt_s)
             add_sample(body, t_ns[k], no_force, mean_rate, rate_var)
         pending.attitude_t_ns = t_ns[k]
-        pending.q_lab_from_flu_autopilot[:] = attitude
+        copy_into(attitude, pending.q_lab_from_flu_autopilot)
 
 
 @kernel
@@ -110,12 +111,12 @@ def receive_pose(bodies: Rows[Body], rejected: Ints, which: Ints, t_ns: Ints, po
             reason = _FROZEN
         rejected[which[k], _POSE, reason] += 1
         if reason == _NONE:
-            pending.last_pos_lab_m[:] = pos[k]
-            pending.last_q_lab_from_flu[:] = q[k]
+            copy_into(pos[k], pending.last_pos_lab_m)
+            copy_into(q[k], pending.last_q_lab_from_flu)
             at = pending.count
             pending.t_ns[at] = t_ns[k]
-            pending.pos_lab_m[at] = pos[k]
-            pending.q_lab_from_flu[at] = attitude
+            copy_into(pos[k], pending.pos_lab_m[at])
+            copy_into(attitude, pending.q_lab_from_flu[at])
             pending.count += 1
 
 

@@ -5,6 +5,7 @@ from math import exp, isfinite
 import numpy as np
 
 from formation.maths.arrays import Float
+from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import matrix_into, turn_into
 from formation.maths.records import Rows
@@ -26,8 +27,8 @@ def add_sample(body: Body, t_ns: int, force_flu_m_s2: Float, rate_flu_rad_s: Flo
     ring, noise = body.inertial, body.noise
     at = ring.count % SAMPLES
     ring.t_ns[at] = t_ns
-    ring.force_flu_m_s2[at] = force_flu_m_s2
-    ring.rate_flu_rad_s[at] = rate_flu_rad_s
+    copy_into(force_flu_m_s2, ring.force_flu_m_s2[at])
+    copy_into(rate_flu_rad_s, ring.rate_flu_rad_s[at])
     ring.count += 1
     share = 1.0 - exp(-(t_ns - noise.last_ns) * 1e-9 / FORCE_LEARN_S)
     for axis in range(3):
@@ -100,18 +101,18 @@ def model_force(body: Body, thrust_m_s2: float, force: Float) -> None:
 def attitude_at(x: Estimate, ring: Inertial, t_ns: int, q: Float) -> None:
     """The attitude predicted for a time from the horizon on by the body rates, into q (4)."""
     rate, turned, at_ns = np.empty(3), np.empty(4), x.t_ns
-    q[:] = x.q_lab_from_flu
+    copy_into(x.q_lab_from_flu, q)
     number = next_sample(ring, at_ns)
     while at_ns != t_ns:
         end_ns = t_ns
-        rate[:] = x.rate_flu_rad_s
+        copy_into(x.rate_flu_rad_s, rate)
         if t_ns > at_ns and ring.count > 0:
             at = min(number, ring.count - 1) % SAMPLES
-            rate[:] = ring.rate_flu_rad_s[at]
+            copy_into(ring.rate_flu_rad_s[at], rate)
             if number < ring.count:
                 end_ns = min(t_ns, ring.t_ns[at])
         turn_into(q, (end_ns - at_ns) * 1e-9 * rate, turned)
-        q[:] = turned
+        copy_into(turned, q)
         at_ns = end_ns
         number += 1
 
@@ -133,8 +134,8 @@ def predicted(bodies: Rows[Body], i: int, t_ns: int, predictions: Rows[Estimate]
         if ring.count > 0:
             at = min(number, ring.count - 1) % SAMPLES
             end_ns = min(t_ns, ring.t_ns[at]) if known else t_ns
-            force[:] = ring.force_flu_m_s2[at]
-            rate[:] = ring.rate_flu_rad_s[at]
+            copy_into(ring.force_flu_m_s2[at], force)
+            copy_into(ring.rate_flu_rad_s[at], rate)
         if not isfinite(force[0]) or ring.count == 0:
             model_force(body, out.thrust_m_s2, force)
         move(out, force, rate, (end_ns - out.t_ns) * 1e-9, r)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.maths.arrays import Bool, Float, Quats, Vec2
+from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, blank
 from formation.messages import LabFrame
@@ -103,7 +104,7 @@ def _compare(
         last_ns, last_x, last_y = body.own_ns, body.own[0], body.own[1]
         at_ns, x, y = body.pending_ns, body.pending[0], body.pending[1]
         body.pending_ns = t_ns[k]
-        body.pending[:] = own[k]
+        copy_into(own[k], body.pending)
         if at_ns == NEVER_NS or t_ns[k] <= at_ns:
             continue
         body.own_ns = at_ns

@@ -84,7 +84,8 @@ def near_pairs(least_m: float, bodies: Bodies) -> NDArray[np.int64]:
                 k += step
         if count + found > len(pairs):
             longer = np.empty((2 * (count + found), 2), np.int64)
-            longer[:count] = pairs[:count]
+            for k in range(count):
+                longer[k, 0], longer[k, 1] = pairs[k, 0], pairs[k, 1]
             pairs = longer
         for k in range(found):
             pairs[count, 0], pairs[count, 1] = a, others[k]

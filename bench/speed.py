@@ -56,6 +56,17 @@ with uncollected():
         fly({end_s} + 1)
 print(f"{{({end_s} - {begin_s}) / cpu_s:.1f}} times real time, {{calls.count:,}} calls a second")
 """
+_STUDIED = """
+from bench.speed import flight
+from sim.studies.host import fly
+fly(flight(210.0), seed=1)
+"""
+_COMPILED = """
+import os, tempfile
+with tempfile.TemporaryDirectory() as os.environ["NUMBA_CACHE_DIR"]:
+    from sim.cli.flights import compile_everything
+    compile_everything()
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +105,8 @@ ROWS = (
     gcs_log("replay", "the ground's core, three quarters"),
     lockstep("lockstep 3", "px4_circle", 12.0, 24.0),
     lockstep("lockstep 21", "twenty", 12.0, 15.0),
+    Row("study", ("-c", _STUDIED), "of 218 s with three drones: the control's turns, a half; cameras, bodies"),
+    Row("compile", ("-c", _COMPILED), "numba's types and lowering in Python, two thirds; LLVM"),
 )
 """Add a row here; its command may read the folder's files, and write beside them."""
 

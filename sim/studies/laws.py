@@ -31,7 +31,7 @@ class ChosenLaw:
     @property
     def label(self) -> str:
         """A short name for tables."""
-        return Path(self.name).stem if self.is_file else self.name
+        return Path(self.name.partition(":")[0]).name if self.is_file else self.name
 
     @property
     def is_file(self) -> bool:

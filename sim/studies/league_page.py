@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
+from rich import box
 from rich.table import Table
 
 from analysis import page
@@ -23,22 +24,26 @@ COLUMNS: tuple[tuple[str, str, float, int], ...] = (
 )
 """Field of `Result`, heading, factor, digits."""
 BEST = " ★"
+ABREAST = 5
+"""Laws beside each other on a terminal of eighty characters."""
 
 
 def console_tables(flown: Flown, bound_m: Bound) -> Iterator[Table]:
-    """RMS by law and scene, a table a vehicle; bound_m: of the gust, by vehicle."""
+    """RMS by law and scene, a vehicle after the other, ABREAST laws a table; bound_m: of the gust, by vehicle."""
+    every = _laws(flown)
     for vehicle in dict.fromkeys(row.vehicle for row, _ in flown):
-        scenes, laws = _scenes(flown), _laws(flown)
-        table = Table(title=f"{vehicle}: RMS off the slot, mm")
-        table.add_column("")
-        for law in laws:
-            table.add_column(law, justify="right")
-        for scene in scenes:
-            table.add_row(scene, *_cells(flown, vehicle, scene, laws, COLUMNS[0]))
-        for cells in _shares(flown, vehicle, laws, bound_m):
-            table.add_row(*cells)
-        table.add_row("best in", *(str(_wins(flown, vehicle, law)) for law in laws))
-        yield table
+        for first in range(0, len(every), ABREAST):
+            laws = every[first : first + ABREAST]
+            table = Table(title=f"{vehicle}: RMS off the slot, mm", box=box.SIMPLE_HEAD)
+            table.add_column("")
+            for law in laws:
+                table.add_column(law, justify="right")
+            for scene in _scenes(flown):
+                table.add_row(scene, *_cells(flown, vehicle, scene, laws, COLUMNS[0]))
+            for cells in _shares(flown, vehicle, laws, bound_m):
+                table.add_row(*cells)
+            table.add_row("best in", *(str(_wins(flown, vehicle, law)) for law in laws))
+            yield table
 
 
 def html(flown: Flown, bound_m: Bound) -> str:

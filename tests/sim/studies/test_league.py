@@ -30,8 +30,8 @@ def played(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_table_has_every_law_and_the_best_is_marked(played: Path) -> None:
     told = json.loads((played / "league.json").read_text())
-    assert [(row["law"], row["outcome"]) for row in told["rows"]] == [("law", "held"), ("default", "held")]
-    assert told["laws"]["law"]["sha256"]
+    assert [(row["law"], row["outcome"]) for row in told["rows"]] == [("law.py", "held"), ("default", "held")]
+    assert told["laws"]["law.py"]["sha256"]
     assert {"python", "numpy", "numba", "mavlink-formation"} <= told["versions"].keys()
     page = (played / "league.html").read_text()
     assert page.count("★") >= 1
@@ -99,7 +99,7 @@ def test_the_share_of_what_is_possible_in_the_gust() -> None:
 
 def test_each_vehicle_has_the_options_that_it_was_tuned_with() -> None:
     laws = [chosen("smc.py"), chosen("default")]
-    flown = league.rows(laws, ["line"], ["paper_40g", "px4_quad"], {"smc": {"px4_quad": {"c_1_s": 2.0}}})
+    flown = league.rows(laws, ["line"], ["paper_40g", "px4_quad"], {"smc.py": {"px4_quad": {"c_1_s": 2.0}}})
     assert [dict(row.law.law) for row in flown] == [{}, {}, {"c_1_s": 2.0}, {}]
 
 

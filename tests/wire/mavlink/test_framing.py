@@ -12,8 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from wire.link_messages import Address, LocalPosition, StatusText
 from wire.mavlink import framing
-from wire.mavlink.codec import Codec
-from wire.mavlink.framing import FRAMES_MOST, FrameCutter, layout, packed
+from wire.mavlink.codec import Codec, read_message
+from wire.mavlink.framing import FRAMES_MOST, FrameCutter, frame_count, layout, packed
 
 
 def test_fields_go_in_by_documentation_and_out_by_size():
@@ -71,6 +71,18 @@ def test_every_cut_of_a_stream_gives_its_frames(frames: list[bytes], cuts: list[
     found = [frame.data for a, b in pairwise(edges) for frame in cutter.cut(stream[a:b])]
     assert found == frames
     assert cutter.dropped_bytes == 0
+
+
+@given(st.lists(st.sampled_from(FRAMES), max_size=8), st.integers(0, 400))
+def test_as_many_frames_are_counted_as_are_cut(frames: list[bytes], end: int) -> None:
+    datagram = b"".join(frames)[:end]
+    assert frame_count(datagram) == len(FrameCutter().cut(datagram))
+
+
+def test_a_frame_is_read_once_by_whoever_has_it() -> None:
+    (frame,) = FrameCutter().cut(FRAMES[0])
+    (packet,) = Codec(Address(1, 1)).read([frame])
+    assert read_message(frame) is packet.message
 
 
 def test_a_damaged_frame_costs_only_itself() -> None:

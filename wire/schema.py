@@ -189,7 +189,8 @@ class Written(Generic[T]):
                     values[field.name] = value
         except (ValueError, IndexError, struct.error) as error:
             raise SchemaError(f"{PACKAGE}.{self.message.__name__}: {error}") from error
-        values.update((name, tuple(items)) for name, items in many.items())
+        for name, items in many.items():
+            values[name] = tuple(items)
         if len(values) < len(self.fields):
             for field in self.fields:
                 values.setdefault(field.name, None if field.optional else field.default)

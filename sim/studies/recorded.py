@@ -34,7 +34,7 @@ GUST_S = GUST_NS * 1e-9
 NOISE_LEAST_M = 1e-5
 CLEAR = 2.0
 """The model is flown this many wheelbases above the floor at least: no foot touches it."""
-CERTAIN = 0.1
+CERTAIN = 0.3
 """An identified response counts whose length is known within this share; else the profile of the lab does."""
 AS_ARMED = frozenset({Verb.STATUS, Verb.ARM, Verb.TAKE_CONTROL, Verb.TAKEOFF, Verb.START, Verb.ACKNOWLEDGE})
 """Requests that leave the plan as its phases say."""

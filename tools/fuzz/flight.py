@@ -13,6 +13,7 @@ import numpy as np
 
 from drone_agent.guard.config import GuardConfig
 from drone_agent.guard.core import GuardCore
+from drone_agent.guarded import GuardedDrone
 from formation import topics
 from formation.config import LabConfig
 from formation.messages import Datagram, Event, LabFrame, Phase, RawFrame, Severity, Tick
@@ -140,6 +141,8 @@ class Agent:
     def __init__(self, draw: Draw, counts: Counter[str]) -> None:
         self._draw, self._counts, self._codec = draw, counts, Codec(GROUND)
         agent = self._agent = Harness(sysid=SYSID, pose="mocap", body="left")
+        assert isinstance(agent.core, GuardedDrone)
+        self._guarded = agent.core
         agent.run(3.0)
         agent.run(1.2, hover_at(0.5))
         agent.command(176, 1.0, 6.0)
@@ -153,7 +156,7 @@ class Agent:
             both = np.array([np.zeros(3), truth.pos_lab_m]), np.array([[1.0, 0, 0, 0], truth.q_lab_from_flu])
             sound = LabFrame(1, agent.now_ns, ("stranger", "left"), *both, np.ones(2, bool), agent.now_ns)
             for frame in near(draw, sound, agent.now_ns):
-                agent.core.receive(frame, agent.now_ns)  # type: ignore[arg-type]  # it has its guard
+                self._guarded.receive_frame(frame, agent.now_ns)
         else:
             agent.core.receive(Datagram(SYSID, draw.datagram(self._codec, TARGET)), agent.now_ns)
         agent.run_to(agent.now_ns + STEP_NS)

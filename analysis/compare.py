@@ -18,8 +18,9 @@ from analysis.load import Flight, load
 from analysis.metrics import Summary, summarise
 from analysis.page import Section, render
 from analysis.plots import style
+from analysis.plots.motion import paths_m
 from analysis.plots.style import Drawing, Missing
-from analysis.tracking import Tracking, in_formation_phase, track, track_leader
+from analysis.tracking import Tracking, track, track_leader
 from formation.maths.arrays import Float
 from formation.messages import Phase
 from wire.text import parse_json
@@ -70,11 +71,7 @@ def draw_paths(a: Flown, b: Flown) -> Drawing:
         return Missing("no mocap frame was recorded")
     fig, [[ax]] = style.Sheet(5.0, width_in=0.6 * style.WIDTH_IN).axes()
     for one, colour in zip((a, b), COLOURS, strict=True):
-        poses = one.flight.poses
-        formed = in_formation_phase(one.flight, poses.t_s)
-        for i in range(len(one.flight.vehicles)):
-            path_m = poses.pos_lab_m[formed & poses.seen[:, i], i, :2]
-            path_m = path_m[:: max(1, len(path_m) // style.POINTS)]
+        for i, path_m in enumerate(paths_m(one.flight)):
             ax.plot(*path_m.T, color=colour, lw=1.0, alpha=0.8, label=one.name if i == 0 else None)
     ax.set(xlabel="lab x, m", ylabel="lab y, m")
     ax.set_aspect("equal", adjustable="datalim")

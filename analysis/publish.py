@@ -3,7 +3,6 @@
 Everything stands in files of one folder; nothing in them but what the logs say.
 """
 
-import hashlib
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -18,9 +17,11 @@ from matplotlib.figure import Figure
 from analysis.load import Flight, load
 from analysis.metrics import Summary, summarise
 from analysis.plots import style
-from analysis.tracking import in_formation_phase, track
+from analysis.plots.motion import paths_m
+from analysis.tracking import track
 from formation.messages import Phase
 from wire import version
+from wire.files import sha256_of
 from wire.logs.mcap_scan import LogError
 
 COLUMN_MM, MM_IN, TALL = 88.9, 25.4, 0.62
@@ -75,7 +76,7 @@ def write(flights: Sequence[Shown], folder: Path, width_mm: float = COLUMN_MM) -
         "numbers.tex": numbers(flights),
         "methods.tex": methods(flights),
         "CITATION.cff": citation(flights),
-        "hashes.txt": "".join(f"{digest(each.path)}  {each.path}\n" for each in flights),
+        "hashes.txt": "".join(f"{sha256_of(each.path)}  {each.path}\n" for each in flights),
     }
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
@@ -124,12 +125,6 @@ def citation(flights: Sequence[Shown]) -> str:
         "  - name: The mavlink-formation authors",
     )
     return "\n".join(lines) + "\n"
-
-
-def digest(path: Path) -> str:
-    """SHA-256 of a file; OSError."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _values(each: Shown) -> Iterator[str]:
@@ -206,14 +201,10 @@ def _error(each: Shown, width_mm: float) -> Figure:
 
 def _paths(each: Shown, width_mm: float) -> Figure:
     """Every vehicle's way in formation, from above."""
-    figure, poses = _figure(width_mm, 1.0), each.flight.poses
+    figure, vehicles = _figure(width_mm, 1.0), each.flight.vehicles
     ax = figure.subplots()
-    formed = in_formation_phase(each.flight, poses.t_s)
-    for i, (vehicle, colour) in enumerate(
-        zip(each.flight.vehicles, style.colours(len(each.flight.vehicles)), strict=True)
-    ):
-        path_m = poses.pos_lab_m[formed & poses.seen[:, i], i, :2]
-        ax.plot(*path_m[:: max(1, len(path_m) // style.POINTS)].T, color=colour, lw=0.8, label=vehicle.body)
+    for vehicle, colour, path_m in zip(vehicles, style.colours(len(vehicles)), paths_m(each.flight), strict=True):
+        ax.plot(*path_m.T, color=colour, lw=0.8, label=vehicle.body)
     ax.set(xlabel="lab x, m", ylabel="lab y, m")
     ax.set_aspect("equal", adjustable="datalim")
     style.legend(ax)

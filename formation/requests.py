@@ -43,6 +43,11 @@ class Verb(StrEnum):
 ANSWER_S, ARMING_S = 3.0, 20.0
 
 
+def time_ns(argument: str) -> int | None:
+    """The nanoseconds that an argument of `start` says; None for what is no such number."""
+    return int(argument) if argument.isascii() and argument.isdigit() and len(argument) < 20 else None
+
+
 def answer_s(verb: Verb) -> float:
     """How long the ground's answer is awaited where no other time is given, s: autopilots take their time to arm."""
     return ARMING_S if verb is Verb.ARM else ANSWER_S

@@ -34,7 +34,7 @@ from formation.messages import (
     UnmetParameter,
     Verb,
 )
-from formation.requests import ENDPOINT, GCS_NAME
+from formation.requests import ENDPOINT, GCS_NAME, time_ns
 from gcs.alarms import EventMemory
 from gcs.core import GcsCore
 from gcs.doctor.restart_record import watch_record
@@ -319,7 +319,8 @@ class RunResult:
 
 def on_own_clock(date: str, pair: ClockPair) -> str:
     """A date, ns since 1970, on the clock of that pair; what is none stays as it is, and is rejected."""
-    return str(int(date) - pair.ahead_ns) if date.isascii() and date.isdigit() and len(date) < 20 else date
+    unix_ns = time_ns(date)
+    return date if unix_ns is None else str(unix_ns - pair.ahead_ns)
 
 
 async def run(

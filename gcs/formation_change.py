@@ -15,6 +15,7 @@ from formation.maths.arrays import Bool, Float
 from formation.messages import OperatorRequest, Phase, Verb
 from formation.paper.eq2_relative_frame import lead_from_lab
 from formation.reasons import Reason, Reject
+from formation.requests import time_ns
 from formation.safety.rules import Facts
 from formation.safety.rules_table import UNSEEN_S
 from gcs.finding import Grade, Keys
@@ -128,11 +129,12 @@ def start(at: str, flight: Flight, stages: Stages, now_ns: int) -> tuple[Reject,
     """
     if at and flight.config.leader.sysid is None:
         return (Reason.LEADER_OBSERVED.of(flight.config.leader.body),)
-    if at and not (at.isascii() and at.isdigit() and len(at) < 20 and now_ns < int(at) < now_ns + WAITED_NS):
+    begin_ns = time_ns(at)
+    if at and not (begin_ns is not None and now_ns < begin_ns < now_ns + WAITED_NS):
         return (Reason.NO_TIME.of(),)
     reasons = _form(flight, stages, None, 0.0)
-    if at and not reasons:
-        flight.begin_ns = int(at)
+    if not reasons:
+        flight.begin_ns = begin_ns
     return reasons
 
 

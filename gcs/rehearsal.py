@@ -17,14 +17,10 @@ class Rehearsal(Model):
     passed: bool
     folder: str
 
-    def is_of(self, config: LabConfig) -> bool:
-        """Whether that lab was rehearsed, and nothing has been changed since."""
-        return self.lab == _name(config)
-
 
 def record(lab_file: Path, config: LabConfig, date: str, passed: bool, folder: Path) -> None:
     """Write down a rehearsal; OSError."""
-    rehearsal = Rehearsal(lab=_name(config), date=date, passed=passed, folder=str(folder))
+    rehearsal = Rehearsal(lab=lab_name(config), date=date, passed=passed, folder=str(folder))
     _beside(lab_file).write_text(dump(rehearsal), encoding="utf-8")
 
 
@@ -40,5 +36,6 @@ def _beside(lab_file: Path) -> Path:
     return lab_file.with_name(f"{lab_file.stem}-rehearsal.toml")
 
 
-def _name(config: LabConfig) -> str:
+def lab_name(config: LabConfig) -> str:
+    """A short name for all that a lab's configuration says."""
     return hashlib.sha256(config.model_dump_json().encode()).hexdigest()[:16]

@@ -1,5 +1,6 @@
 """Files: read whole and bounded, as text or TOML, where a person names them; written for their owner alone."""
 
+import hashlib
 import os
 import re
 import stat
@@ -15,9 +16,14 @@ MOST = 8 << 20
 
 
 def read_text(path: Path, most: int = MOST) -> str:
-    """The text in the file without its byte-order mark; raises as `read_bytes`, and ValueError for what is no UTF-8."""
+    """The text in the file without its byte-order mark; raises as `read_bytes` and `text_of`."""
+    return text_of(read_bytes(path, most))
+
+
+def text_of(data: bytes) -> str:
+    """The text in these bytes without its byte-order mark; ValueError for what is no UTF-8."""
     try:
-        return read_bytes(path, most).decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError("not UTF-8 text: save it as UTF-8") from error
 
@@ -32,6 +38,12 @@ def read_bytes(path: Path, most: int = MOST) -> bytes:
     if len(data) > most:
         raise ValueError(f"more than {most >> 20} MiB")
     return data
+
+
+def sha256_of(path: Path) -> str:
+    """The SHA-256 of a file, hexadecimal; OSError."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 _LONGEST = 120

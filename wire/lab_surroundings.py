@@ -17,7 +17,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from formation.own_law.law import ControlLaw, LawMaker
+from formation.own_law.law import ControlLaw
 from wire.path_files import COLUMNS, read_points
 
 T = TypeVar("T")
@@ -73,9 +73,7 @@ class Surroundings:
 
 def law_of(name: str, options: Mapping[str, Any]) -> Callable[[], ControlLaw]:
     """The maker of the lab's own law; ValueError where no package registers it, or it cannot be made so."""
-    maker: LawMaker = _load(LAWS, name)
-    _called(maker, **options)
-    return partial(printing_to_stderr, partial(maker, **options))
+    return _tried(_load(LAWS, name), options)
 
 
 def law_in_file(source: str, options: Mapping[str, Any]) -> Callable[[], ControlLaw]:
@@ -97,7 +95,11 @@ def law_in_file(source: str, options: Mapping[str, Any]) -> Callable[[], Control
     }
     if wanted not in laws and (wanted or len(laws) != 1):
         raise ValueError(f"{path}: which law? {path.name}:NAME, of {', '.join(laws) or 'none: no class has __call__'}")
-    maker = laws[wanted] if wanted else next(iter(laws.values()))
+    return _tried(laws[wanted] if wanted else next(iter(laws.values())), options)
+
+
+def _tried(maker: Any, options: Mapping[str, Any]) -> Callable[[], ControlLaw]:
+    """The maker with these options, after it has made a law once; ValueError."""
     _called(maker, **options)
     return partial(printing_to_stderr, partial(maker, **options))
 

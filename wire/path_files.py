@@ -9,7 +9,7 @@ import json
 import posixpath
 import zipfile
 import zlib
-from io import StringIO
+from io import BytesIO, StringIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ import numpy as np
 
 from formation.maths.arrays import Float
 from formation.trajectory_config import POINTS_MOST
-from wire.files import MOST, read_bytes, read_text
+from wire.files import MOST, read_bytes, text_of
 
 COLUMNS = ("t", "x", "y", "z", "yaw")
 POLYNOMIAL = ("duration", *(f"{axis}^{power}" for axis in COLUMNS[1:] for power in range(8)))
@@ -32,10 +32,11 @@ Points = list[list[float]]
 def read_points(path: Path) -> Points:
     """Rows of t (s, from 0), x, y, z (m), yaw (rad); ValueError names file and line."""
     try:
-        if read_bytes(path).startswith(ZIPPED):
-            points = _show(path)
+        data = read_bytes(path)
+        if data.startswith(ZIPPED):
+            points = _show(data)
         else:
-            reader = csv.reader(StringIO(read_text(path), newline=""))
+            reader = csv.reader(StringIO(text_of(data), newline=""))
             lines = [(f"line {number}", line) for number, line in enumerate(reader, 1) if "".join(line).strip()]
             points = _rows(lines)
         if len(points) > POINTS_MOST:
@@ -78,13 +79,13 @@ def _polynomials(pieces: Points) -> Points:
     return points
 
 
-def _show(path: Path) -> Points:
+def _show(data: bytes) -> Points:
     """The way of the first drone of a Skybrush show (.skyc), without its take-off and landing, which are the ground's.
 
     Bezier curves from each point to the next, by the control points between them; it heads along x.
     """
     try:
-        with zipfile.ZipFile(path) as show:
+        with zipfile.ZipFile(BytesIO(data)) as show:
             trajectory = _json(show, "show.json")["swarm"]["drones"][0]["settings"]["trajectory"]
             if "$ref" in trajectory:
                 trajectory = _json(show, posixpath.normpath(trajectory["$ref"].split("#")[0]))

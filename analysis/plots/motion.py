@@ -1,5 +1,7 @@
 """Where the drones flew, from above, from the side and in 3-D; how they held their slots and trajectories."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -61,6 +63,15 @@ def draw_plan(ax: Axes, flight: Flight) -> None:
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.08)
     _fence(ax, flight)
+
+
+def paths_m(flight: Flight) -> Iterator[Float]:
+    """Of each vehicle where it was seen in formation, from above, (k, 2): about a point a pixel of the page."""
+    poses = flight.poses
+    formed = in_formation_phase(flight, poses.t_s)
+    for i in range(len(flight.vehicles)):
+        path_m = poses.pos_lab_m[formed & poses.seen[:, i], i, :2]
+        yield path_m[:: max(1, len(path_m) // style.POINTS)]
 
 
 def _formed(flight: Flight) -> Bool:

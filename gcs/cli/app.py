@@ -115,7 +115,8 @@ def rehearse(
     """Fly the lab's whole flight in simulation before anybody arms: its vehicles, limits and law. Needs [sim]."""
     from gcs.rehearsal import record
 
-    config, folder = configuration(lab), out or run_folder(lab.stem, clock.unix_us())
+    config = configuration(lab)
+    folder = out or run_folder(config.name, clock.unix_us())
     # The simulator is known there alone.
     words = [str(lab), "--out", str(folder), *(["--json"] if as_json else [])]
     code = subprocess.run(python_command("sim", "run", *words), check=False).returncode

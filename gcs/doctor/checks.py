@@ -125,8 +125,7 @@ def _rest(config: LabConfig, pos: Float, q: Float, seen: Bool) -> Iterator[Findi
             continue
         if config.mocap.source != "mavlink":  # a simulator's true pose has no noise: one at rest is the same each time
             yield _noise(vehicle.body, pos[seen[:, i], i])
-        x, y = q[seen[:, i], i, 1], q[seen[:, i], i, 2]
-        tilt = float(np.median(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))))
+        tilt = float(np.median(_tilt_rad(q[seen[:, i], i])))
         why = "the marker frame is not level: q_marker_from_flu"
         if tilt > ON_SIDE_RAD:
             why = "lies on its side for this mocap: is the mocap y-up? q_lab_from_mocap = [0.7071, 0.7071, 0, 0]"
@@ -400,9 +399,11 @@ def _check_autopilot(config: LabConfig, moves: Moves) -> Finding:
     return graded(vehicle.body, "system id", ", ".join(map(str, found)), wanted, found == [vehicle.sysid], why)
 
 
-def _tilt_rad(q_lab_from_flu: Quat) -> float:
-    up = frames.rotate(q_lab_from_flu, np.array([0.0, 0.0, 1.0]))
-    return float(np.arccos(np.clip(up[2], -1.0, 1.0)))
+def _tilt_rad(q_lab_from_flu: Quats | Quat) -> Float:
+    """How far bodies (..., 4) are from level, rad."""
+    x, y = q_lab_from_flu[..., 1], q_lab_from_flu[..., 2]
+    tilt_rad: Float = np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
+    return tilt_rad
 
 
 def _check_drone(config: LabConfig, moves: Moves) -> Iterator[Finding]:

@@ -9,7 +9,7 @@ from gcs.alarms import ShownAlarms
 from gcs.page.foresee import Forecast, shape, start, trajectory
 from gcs.page.scene import Scene, Trails, scene
 from gcs.page.show import LOST_S, NOTHING_YET, Show, none_of_ours, rehearsed, show
-from gcs.rehearsal import Rehearsal
+from gcs.rehearsal import Rehearsal, lab_name
 from wire.ground_state import GroundState, decode
 
 START_NS = 1_000_000_000
@@ -66,6 +66,7 @@ class Model:
         self.scene = Scene((), (), (), ())
         self.start: Forecast | None = None
         self.rehearsal: Rehearsal | None = None
+        self._lab_name = lab_name(config)
         self._mocap: dict[str, Any] | None = None
         self._trails = Trails()
         self._state_ns = self._mocap_ns = self._start_ns = 0
@@ -105,7 +106,7 @@ class Model:
             )
         mocap = self._mocap if now_ns - self._mocap_ns < 3 * START_NS else None
         shown = show(self.state, mocap, silent_s, () if self.start is None else self.start.against)
-        return replace(shown, vital=(*shown.vital, ("rehearsal", rehearsed(self.rehearsal, self.config))))
+        return replace(shown, vital=(*shown.vital, ("rehearsal", rehearsed(self.rehearsal, self._lab_name))))
 
     @property
     def may_choose(self) -> bool:

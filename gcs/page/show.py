@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
-from formation.config import LabConfig
 from formation.messages import Phase, Verb
 from formation.reasons import Reason
 from formation.requests import CONFIGURED
@@ -284,11 +283,11 @@ def vital(state: GroundState, mocap: Mapping[str, Any] | None) -> tuple[tuple[st
     return tuple(texts)
 
 
-def rehearsed(rehearsal: Rehearsal | None, config: LabConfig) -> Cell:
-    """How the lab was rehearsed last."""
+def rehearsed(rehearsal: Rehearsal | None, lab: str) -> Cell:
+    """How the lab of that name (gcs.rehearsal) was rehearsed last."""
     if rehearsal is None:
         return Cell("none: gcs rehearse")
-    if not rehearsal.is_of(config):
+    if rehearsal.lab != lab:
         return Cell(f"{rehearsal.date}, of another lab file: gcs rehearse", Level.WARN)
     if not rehearsal.passed:
         return Cell(f"{rehearsal.date}, not passed: {rehearsal.folder}", Level.BAD)

@@ -7,7 +7,7 @@ the law, so that laws can be compared each with the gains that it flies best wit
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import islice, product
 
 from formation.control.gains import CascadeGains, Gains, GeometricGains, SlidingGains
 from formation.control.presets import Preset, preset_for
@@ -21,6 +21,8 @@ SEARCHED: dict[type[Gains], tuple[str, ...]] = {
     GeometricGains: ("kx", "kv", "ki", "mix"),
 }
 """The gains that are moved; the observer's bandwidth is one more."""
+EACH = tuple(product(EXPERIMENTS, (False, True)))
+"""What each candidate flies: every experiment, with the vehicle as believed and not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,18 +82,19 @@ def neighbouring_laws(law: ChosenLaw, step: float) -> Iterator[ChosenLaw]:
 
 def judge_laws(task: Task, laws: list[ChosenLaw], runner: Runner) -> list[TriedLaw]:
     """Fly and cost each."""
-    each = list(product(EXPERIMENTS, (False, True)))
-    flights = [Flight(task, task.profile.gain_scale, e, off, law=law) for law in laws for e, off in each]
-    costs = runner.run("flights", fly, flights)
-    return [TriedLaw(law, sum(costs[k * len(each) : (k + 1) * len(each)])) for k, law in enumerate(laws)]
+    scale = task.profile.gain_scale
+    flights = [[Flight(task, scale, e, off, law=law) for e, off in EACH] for law in laws]
+    return [TriedLaw(law, cost) for law, cost in zip(laws, _costs(flights, runner), strict=True)]
 
 
 def judge(task: Task, presets: list[Preset], runner: Runner) -> list[Tried]:
     """Fly and cost each."""
-    each = list(product(EXPERIMENTS, (False, True)))
-    flights = [Flight(task, task.profile.gain_scale, e, off, gains) for gains in presets for e, off in each]
-    costs = runner.run("flights", fly, flights)
-    return [
-        Tried(gains, sum(costs[first : first + len(each)]))
-        for gains, first in zip(presets, range(0, len(costs), len(each)), strict=True)
-    ]
+    scale = task.profile.gain_scale
+    flights = [[Flight(task, scale, e, off, gains) for e, off in EACH] for gains in presets]
+    return [Tried(gains, cost) for gains, cost in zip(presets, _costs(flights, runner), strict=True)]
+
+
+def _costs(flights: list[list[Flight]], runner: Runner) -> list[float]:
+    """Fly them all at once; what those of each candidate cost together."""
+    costs = iter(runner.run("flights", fly, [flight for each in flights for flight in each]))
+    return [sum(islice(costs, len(each))) for each in flights]

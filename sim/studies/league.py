@@ -35,6 +35,7 @@ from sim.studies.gust import chatter_deg
 from sim.studies.laws import ChosenLaw, followed_by
 from sim.studies.mismatch import Mismatch, off_by
 from wire import version
+from wire.files import sha256_of
 
 VEHICLES = ("paper_40g", "px4_quad", "crazyflie_27g")
 BUILT_IN = ("paper_smc", "paper_istsmc", "paper", "default", "pid", "geometric")
@@ -173,7 +174,8 @@ def fly(row: Row) -> Result:
 
 def _measured(outcome: str, flight: Flight, took_s: float) -> Result:
     turns = max(len(flight.target) * len(flight.vehicles), 1)
-    summary, error_m = summarise(true(flight)), _errors_m(flight)
+    as_it_was = true(flight)
+    summary, error_m = summarise(as_it_was), _errors_m(as_it_was)
     formed = in_formation_phase(flight, flight.target.t_s)
     columns = [v.column for v in flight.followers if v.column is not None]
     q, rate, thrust = (flight.target[name][formed] for name in ("q_lab_from_flu", "rate_flu_rad_s", "thrust_norm"))
@@ -207,7 +209,7 @@ def true(flight: Flight) -> Flight:
 
 
 def _errors_m(flight: Flight) -> Float:
-    tracking = track(true(flight))
+    tracking = track(flight)
     errors: Float = np.linalg.norm(tracking.error_lead_m, axis=-1)[tracking.scored]
     return errors
 
@@ -261,8 +263,7 @@ def versions() -> dict[str, str]:
 
 
 def _described(law: ChosenLaw) -> dict[str, Any]:
-    sha256 = hashlib.sha256(_file_of(law).read_bytes()).hexdigest() if law.is_file else ""
-    return {"name": law.name, "sha256": sha256}
+    return {"name": law.name, "sha256": sha256_of(_file_of(law)) if law.is_file else ""}
 
 
 def _file_of(law: ChosenLaw) -> Path:
@@ -291,7 +292,7 @@ def _law(label: str, entry: Mapping[str, Any]) -> ChosenLaw:
         file = _file_of(law)
         if not file.is_file():
             raise LeagueError(f"{label}: its file {file} is not here")
-        found = hashlib.sha256(file.read_bytes()).hexdigest()
+        found = sha256_of(file)
         if found != entry["sha256"]:
             raise LeagueError(f"{label}: {file} is another file: its SHA-256 is {found}, flown was {entry['sha256']}")
     return law

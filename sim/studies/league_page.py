@@ -70,7 +70,7 @@ def html(flown: Flown, bound_m: Bound) -> str:
 
 def _shares(flown: Flown, vehicle: str, laws: Sequence[str], bound_m: Bound) -> Iterator[tuple[str, ...]]:
     """The least largest deviation in the gust over each law's; nothing where no bound was computed."""
-    here = {row.law.label: result for row, result in flown if (row.vehicle, row.scene) == (vehicle, GUST)}
+    here = _results(flown, vehicle, GUST)
     if vehicle in bound_m and here:
         largest_m = (here[law].max_m if law in here and cost(here[law]) < np.inf else None for law in laws)
         shares = ("–" if most is None else f"{100.0 * bound_m[vehicle] / most:.0f}" for most in largest_m)
@@ -88,7 +88,7 @@ def _cells(
     flown: Flown, vehicle: str, scene: str, laws: Sequence[str], column: tuple[str, str, float, int]
 ) -> Iterator[str]:
     field, _, factor, digits = column
-    here = {row.law.label: result for row, result in flown if (row.vehicle, row.scene) == (vehicle, scene)}
+    here = _results(flown, vehicle, scene)
     for law in laws:
         result = here.get(law)
         if result is None:
@@ -110,9 +110,14 @@ def _wins(flown: Flown, vehicle: str, law: str) -> int:
     """In how many scenes it is the best."""
     count = 0
     for scene in _scenes(flown):
-        here = {row.law.label: result for row, result in flown if (row.vehicle, row.scene) == (vehicle, scene)}
+        here = _results(flown, vehicle, scene)
         count += law in here and _best(here.values()) is here[law]
     return count
+
+
+def _results(flown: Flown, vehicle: str, scene: str) -> dict[str, Result]:
+    """What each law did with that vehicle in that scene."""
+    return {row.law.label: result for row, result in flown if (row.vehicle, row.scene) == (vehicle, scene)}
 
 
 def _laws(flown: Flown) -> list[str]:

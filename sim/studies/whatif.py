@@ -72,12 +72,15 @@ class Trust:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WhatIf:
-    """The recorded flight, the same flown again under its own law, and the other; parts: what the first was taken apart
-    into."""
+    """The recorded flight, the same flown again under its own law, and the other.
+
+    figures: their numbers, in that order (`figures`); parts: what the first was taken apart into.
+    """
 
     recorded: Side
     again: Side
     other: Side
+    figures: tuple[Mapping[str, float | None], ...]
     result: FlightResult
     trust: tuple[Trust, ...]
     parts: Recorded
@@ -105,7 +108,7 @@ class WhatIf:
             "back_share": self.back_share if np.isfinite(self.back_share) else None,
             "outcome": self.result,
             "cut": self.parts.cut,
-            **{name: figures(side) for name, side in zip(("recorded", "again", "other"), self.sides, strict=True)},
+            **dict(zip(("recorded", "again", "other"), self.figures, strict=True)),
             "trust": [asdict(trust) for trust in self.trust],
             "configuration": configuration(self.again, self.other),
         }
@@ -126,7 +129,7 @@ def what_if(flight: Flight, change: Change, name: str) -> WhatIf:
         _side(title, _until(each, end_s)) for title, each in ((name, flight), (f"{name}, again", again), (named, other))
     )
     trust = tuple(_trust(recorded, was.flight, would_be.flight, k) for k in range(1, len(recorded.lab.vehicles)))
-    return WhatIf(was, back, would_be, result, trust, recorded)
+    return WhatIf(was, back, would_be, tuple(map(figures, (was, back, would_be))), result, trust, recorded)
 
 
 def figures(side: Side) -> Mapping[str, float | None]:

@@ -15,7 +15,7 @@ from analysis.plots.style import Drawing
 from formation.codes import GOOD_RESULTS
 from formation.messages import Phase
 from sim.studies.recorded import GUST_S
-from sim.studies.whatif import COMES_BACK, Trust, WhatIf, disturbance, figures, spectrum
+from sim.studies.whatif import COMES_BACK, Trust, WhatIf, disturbance, spectrum
 
 NAMES = {
     "formation_rms_m": "RMS, mm",
@@ -101,10 +101,9 @@ def html(of: WhatIf) -> str:
 
 
 def _rows(of: WhatIf) -> Iterator[tuple[str, ...]]:
-    values = [figures(side) for side in of.sides]
     for key, name in NAMES.items():
         factor = 1e3 if key.endswith("_m") else 1.0
-        yield name, *("–" if (value := each[key]) is None else f"{factor * value:.3g}" for each in values)
+        yield name, *("–" if (value := each[key]) is None else f"{factor * value:.3g}" for each in of.figures)
 
 
 def _table(of: WhatIf) -> page.Table | None:

@@ -5,11 +5,11 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import get_context
-from time import monotonic
 from types import FrameType
 from typing import TextIO
 
 from formation.maths.kernel import compiling, is_cache_temporary, kernel_counts
+from wire.clock import monotonic_ns
 
 SELDOM = 10
 """Where nobody looks on, in a file, every tenth step is enough."""
@@ -29,7 +29,7 @@ def compile_all(program: str, warm_up: WarmUp, stream: TextIO, beside: WarmUp | 
     def begun(name: str, count: int, total: int) -> None:
         nonlocal first
         interruptible()
-        now_s = monotonic()
+        now_s = 1e-9 * monotonic_ns()
         first_s, first_count = first or (now_s, count)
         each_s = (now_s - first_s) / max(count - first_count, 1)
         left = f", about {each_s * (total - count):.0f} s left" if first else ""

@@ -43,6 +43,7 @@ from formation.paper.eq56_super_twisting import (
 )
 
 HORIZON_MAX_NS = 400_000_000
+RATE_STEP_NS = 10_000_000  # over which a reference's rate of acceleration is taken
 HORIZONTAL, VERTICAL = 0, 1  # the channels, each with a workspace of its own
 STEP_MAX_S = 0.1
 SMC, CFC, PID, GEOMETRIC = int(Law.SMC), int(Law.CFC), int(Law.PID), int(Law.GEOMETRIC)
@@ -90,9 +91,10 @@ class Demand:
     """What the law asks of one vehicle, and the inside of how it got there; a record.
 
     e, e_rate, s, t_m, z_m: in the lead frame, Eqs. (5)-(6); acc: demanded acceleration, gravity excluded; lead_acc:
-    what the lag's inversion adds to it; motion: predicted when the command is taken to hold; specific_force: modelled
-    when it arrives; tilt_cos: predicted cosine of tilt when the thrust does; yaw, yaw_rate: of the heading asked for;
-    limits_met: bits of formation.messages.Saturation for what has altered it since.
+    what the lag's inversion adds to it; acc_rate: of the reference and of drag on it; motion: predicted when the
+    command is taken to hold; specific_force: modelled when it arrives; tilt_cos: predicted cosine of tilt when the
+    thrust does; yaw, yaw_rate: of the heading asked for; limits_met: bits of formation.messages.Saturation for what has
+    altered it since.
     """
 
     e_lead_m: Vec3
@@ -102,6 +104,7 @@ class Demand:
     z_m_lead_m_s2: Vec3
     acc_lab_m_s2: Vec3
     lead_acc_lab_m_s2: Vec3
+    acc_rate_lab_m_s3: Vec3
     motion: Motion
     specific_force_lab_m_s2: Vec3
     tilt_cos: float
@@ -164,7 +167,7 @@ def _horizontal_demand(
     lag_s = known.observers[n].response.attitude_lag_s
     arrival_ns = now_ns + int(attitude_dead_s(known.estimates[n], known.observers[n]) * 1e9)
     hold_ns = arrival_ns if law.compensate else known.estimates[n].t_ns
-    later_ns = hold_ns + int(lag_s * 1e9)
+    later_ns, caught_up_ns = hold_ns + RATE_STEP_NS, hold_ns + int(lag_s * 1e9)
     situation(i, n, context, hold_ns, later_ns if law.compensate else NEVER_NS, w)
     gain = _adaptive_gain(i, law, context)
     boost = gain**law.lag_compensation.p1_power
@@ -195,9 +198,9 @@ def _horizontal_demand(
     for axis in range(2):
         if law.compensate:
             z3 = disturbance_at(known, n, axis, hold_ns)
-            rising = disturbance_at(known, n, axis, later_ns) - z3 if uses_disturbance(law.horizontal) else 0.0
+            rising = disturbance_at(known, n, axis, caught_up_ns) - z3 if uses_disturbance(law.horizontal) else 0.0
             drag_1_s = known.observers[n].drag_1_s[axis]
-            _invert_lag(axis, lag_s * law.lag_compensation.rate, pull, z3, rising, drag_1_s, w, out)
+            _invert_lag(axis, lag_s, law.lag_compensation.rate, pull, z3, rising, drag_1_s, w, out)
 
 
 @kernel
@@ -215,7 +218,7 @@ def _vertical_demand(
     known, n = context.known, law.vehicle
     dead_s, lag_s = known.observers[n].response.thrust_dead_s, known.observers[n].response.thrust_lag_s
     hold_ns = now_ns + int(dead_s * 1e9)
-    situation(i, n, context, hold_ns, hold_ns + int(lag_s * 1e9), w)
+    situation(i, n, context, hold_ns, hold_ns + RATE_STEP_NS, w)
     out.yaw_rad, out.yaw_rate_rad_s = w.lab[0, 3], w.lab[1, 3]
     z3 = known.estimates[n].dist_lab_m_s2[2]
     for axis in range(2, 3):  # as a plain 2 it would be a type of its own to numba, and compiled again
@@ -224,7 +227,7 @@ def _vertical_demand(
         )
         _ask(axis, law.vertical, z3, w, out)
         drag_1_s = known.observers[n].drag_1_s[axis]
-        _invert_lag(axis, lag_s * law.lag_compensation.rate, 0.0, z3, 0.0, drag_1_s, w, out)
+        _invert_lag(axis, lag_s, law.lag_compensation.rate, 0.0, z3, 0.0, drag_1_s, w, out)
     for order in range(3):
         out.motion[order, 2] = w.mine[order, 2]
     size = sqrt(w.force[0] * w.force[0] + w.force[1] * w.force[1] + w.force[2] * w.force[2])
@@ -363,15 +366,17 @@ def bound_sideways(acc: Float) -> None:
 
 @kernel
 def _invert_lag(
-    axis: int, ahead_s: float, pull: float, z3: float, rising: float, drag_1_s: float, w: Workspace, out: Demand
-) -> None:
-    """What is added to one axis's demand to invert the lag.
+    axis: int, lag_s: float, share: float, pull: float, z3: float, rising: float, drag_1_s: float, w: Workspace,
+    out: Demand,
+) -> None:  # fmt: skip
+    """What is added to one axis's demand to invert the lag: lag_s times the demand's rate when the command holds.
 
-    ahead_s: how far the feedback's own rate is sent ahead; z3, rising: Z3 when the command holds, and what it rises by
-    in the lag; drag_1_s: see ObserverSettings, for the drag too is needed ahead; pull: how much harder than needed the
-    command pulls at what the predicted acceleration misses.
+    share: of the feedback's own rate that is sent ahead; z3, rising: Z3 then, and what it rises by in the lag (a guess,
+    which decays); drag_1_s: see ObserverSettings, for the drag too is needed ahead; pull: how much harder than needed
+    the command pulls at what the predicted acceleration misses.
     """
-    coming = w.lab_later[2, axis] - w.lab[2, axis] + ahead_s * w.feedback_rate[axis] - rising
-    coming += drag_1_s * (w.lab_later[1, axis] - w.lab[1, axis])
+    step = w.lab_later[2, axis] - w.lab[2, axis] + drag_1_s * (w.lab_later[1, axis] - w.lab[1, axis])
+    out.acc_rate_lab_m_s3[axis] = step / (RATE_STEP_NS * SECONDS)
+    rate = out.acc_rate_lab_m_s3[axis] + share * w.feedback_rate[axis]
     missing = out.acc_lab_m_s2[axis] - (w.mine[2, axis] - z3)
-    out.lead_acc_lab_m_s2[axis] = coming + pull * missing
+    out.lead_acc_lab_m_s2[axis] = lag_s * rate - rising + pull * missing

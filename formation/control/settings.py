@@ -131,6 +131,7 @@ def _law(config: LabConfig, i: int, gains: Preset) -> LawSettings:
 def _attitude(config: LabConfig, profile: VehicleProfile) -> AttitudeSettings:
     return AttitudeSettings(
         thrust_curve=profile.thrust_curve,
+        attitude_lag_s=profile.response_lag_s,
         attitude_p_1_s=profile.attitude_p_1_s,
         yaw_p_1_s=profile.yaw_p_1_s,
         rate_feed_forward=profile.rate_feed_forward,

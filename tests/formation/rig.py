@@ -91,8 +91,8 @@ def flight(gains: Preset, body: VehicleProfile, leads: bool, speed_max: float) -
 
 def airframe(body: VehicleProfile) -> Airframe:
     return Airframe(
-        body.mass_kg, body.inertia_kg_m2, body.wheelbase_m, body.thrust_curve, body.attitude_p_1_s, body.yaw_p_1_s,
-        body.rate_p_1_s, body.rate_max_rad_s, body.rate_feed_forward, drag(body),
+        body.mass_kg, body.inertia_kg_m2, body.wheelbase_m, body.thrust_curve, body.response_lag_s, body.attitude_p_1_s,
+        body.yaw_p_1_s, body.rate_p_1_s, body.rate_max_rad_s, body.rate_feed_forward, drag(body),
     )  # fmt: skip
 
 

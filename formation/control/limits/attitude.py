@@ -66,10 +66,12 @@ def turn_authority(profile: VehicleProfile) -> float:
 class AttitudeSettings:
     """What turns one commanded vehicle's demand into a target; a record.
 
-    rate_feed_forward: whether its autopilot adds the body rates of a target.
+    attitude_lag_s: what the demand's lead inverts; rate_feed_forward: whether its autopilot adds the body rates of a
+    target.
     """
 
     thrust_curve: float
+    attitude_lag_s: float
     attitude_p_1_s: float
     yaw_p_1_s: float
     rate_feed_forward: bool
@@ -124,7 +126,7 @@ def _targets(
         else:
             met = limit_force(limits[i], wanted[i], estimates, references[i], now_ns, full, aim, lead)
             out[i].saturation = met
-            _target(settings[i], wanted[i], aim, lead, full, out[i])
+            _target(settings[i], wanted[i], estimates[limits[i].vehicle].thrust_scale, aim, lead, full, out[i])
 
 
 @kernel
@@ -266,22 +268,49 @@ def _wait(s: AttitudeSettings, yaw_rad: float, waited_s: float, full: float, out
 
 
 @kernel
-def _target(s: AttitudeSettings, wanted: Demand, aim: Float, lead: Float, full: float, out: Target) -> None:
+def _target(
+    s: AttitudeSettings, wanted: Demand, thrust_scale: float, aim: Float, lead: Float, full: float, out: Target
+) -> None:
     """Attitude, body rates and thrust of bounded forces aim and lead (3)."""
     heading = wanted.yaw_rad
+    turn = _heading_turn(s, wanted, thrust_scale, aim)
     if s.rate_feed_forward:
         # The autopilot adds body rates: what inverts its lag goes there, and the attitude stays the one wanted.
         attitude_of(aim[0], aim[1], lead[2], heading, out.q_lab_from_flu)
         rate, most = out.rate_flu_rad_s, s.rate_max_rad_s
         body_rates(aim, s.attitude_p_1_s * (lead - aim), heading, wanted.yaw_rate_rad_s, rate)
+        rate[2] = turn * upright(aim)
         for axis in range(3):
             rate[axis] = min(max(rate[axis], -most), most)
     else:
-        attitude_of(lead[0], lead[1], lead[2], heading + wanted.yaw_rate_rad_s / s.yaw_p_1_s, out.q_lab_from_flu)
+        attitude_of(lead[0], lead[1], lead[2], heading + turn / s.yaw_p_1_s, out.q_lab_from_flu)
     thrust = min(lead[2] / max(wanted.tilt_cos, cos(s.tilt_max_rad)), full)
     out.thrust_norm = thrust_norm(thrust / full, s.thrust_curve)
     flat = thrust / sqrt(lead[0] * lead[0] + lead[1] * lead[1] + lead[2] * lead[2])
     out.force[0], out.force[1], out.force[2], out.force[3] = flat * lead[0], flat * lead[1], lead[2], thrust
+
+
+@kernel
+def upright(force: Float) -> float:
+    """Cosine of the tilt of a force (3)."""
+    cosine: float = force[2] / sqrt(force[0] * force[0] + force[1] * force[1] + force[2] * force[2])
+    return cosine
+
+
+@kernel
+def _heading_turn(s: AttitudeSettings, wanted: Demand, thrust_scale: float, aim: Float) -> float:
+    """At which rate the heading has to be led, rad/s, for it to turn as wanted while the tilt changes as planned.
+
+    A tilt that changes takes a turn about z_b too, or the heading wanders. Of that turn the autopilot's heading loop
+    asks for a part by itself: its tilt is behind the target's by the turn over attitude_p_1_s, less what the body rates
+    carry, and from one tilt to the next at the same heading the error has a twist (Brescianini et al. 2013).
+    """
+    rate = np.empty(3)
+    body_rates(aim, wanted.acc_rate_lab_m_s3 / thrust_scale, wanted.yaw_rad, wanted.yaw_rate_rad_s, rate)
+    of_tilt = rate[2] / upright(aim) - wanted.yaw_rate_rad_s
+    behind_s = 1.0 / s.attitude_p_1_s - (s.attitude_lag_s if s.rate_feed_forward else 0.0)
+    turn: float = wanted.yaw_rate_rad_s + (1.0 - s.yaw_p_1_s * behind_s) * of_tilt
+    return turn
 
 
 @kernel

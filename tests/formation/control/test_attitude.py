@@ -103,8 +103,8 @@ def test_tilt_and_thrust_bounds_put_height_before_sideways(force: np.ndarray, li
 @pytest.mark.parametrize("body", [PAPER_40G, PX4_QUAD, ARDUCOPTER_QUAD], ids=lambda b: b.name)
 def test_turn_authority_is_torque_over_inertia_over_the_loops_gains(body) -> None:
     same = Airframe(
-        body.mass_kg, body.inertia_kg_m2, body.wheelbase_m, body.thrust_curve, body.attitude_p_1_s, body.yaw_p_1_s,
-        body.rate_p_1_s, body.rate_max_rad_s, body.rate_feed_forward, np.zeros(3),
+        body.mass_kg, body.inertia_kg_m2, body.wheelbase_m, body.thrust_curve, body.response_lag_s, body.attitude_p_1_s,
+        body.yaw_p_1_s, body.rate_p_1_s, body.rate_max_rad_s, body.rate_feed_forward, np.zeros(3),
     )  # fmt: skip
     assert turn_authority(body) == pytest.approx(authority_of(same))
 

@@ -18,6 +18,7 @@ class Airframe:
     inertia: tuple[float, float, float]
     wheelbase: float
     curve: float
+    lag: float
     attitude_p: float
     yaw_p: float
     rate_p: float
@@ -133,6 +134,7 @@ class Wanted:
 
     acc: np.ndarray
     lead_acc: np.ndarray
+    acc_rate: np.ndarray
     motion: np.ndarray
     force: np.ndarray
     lift_cos: float
@@ -155,13 +157,17 @@ def target(body: Airframe, bounds: Bounds, wanted: Wanted, full: float) -> Targe
     felt, later = bounded(felt, least, 0.92 * full, 1.1 if body.by_rate else bounds.tilt)
     trusted = authority_of(body) * (1.0 - 0.45 * doubt(wanted.mismatch))
     aim, felt = turned(aim, force, trusted, full), turned(felt, force, trusted, full)
-    rate = np.zeros(3)
+    cosine, rate = aim[2] / np.linalg.norm(aim), np.zeros(3)
+    # Of what the tilt takes, a loop that is behind_s late asks for phi theta' behind_s by itself: the twist it sees.
+    behind_s = 1.0 / body.attitude_p - (body.lag if body.by_rate else 0.0)
+    of_tilt = flat_rates(aim, wanted.acc_rate / wanted.strength, yaw, yaw_rate)[2] / cosine - yaw_rate
+    turn = yaw_rate + (1.0 - body.yaw_p * behind_s) * of_tilt
     if body.by_rate:
         r = attitude_matrix(np.array([aim[0], aim[1], felt[2]]), yaw)
         rate = flat_rates(aim, body.attitude_p * (felt - aim), yaw, yaw_rate)
-        rate = np.clip(rate, -body.rate_max, body.rate_max)
+        rate = np.clip([*rate[:2], cosine * turn], -body.rate_max, body.rate_max)
     else:
-        r = attitude_matrix(felt, yaw + yaw_rate / body.yaw_p)
+        r = attitude_matrix(felt, yaw + turn / body.yaw_p)
         met = max(met, later)
     lift = min(felt[2] / max(wanted.lift_cos, np.cos(bounds.tilt)), full)
     flat = lift * felt[:2] / np.linalg.norm(felt)

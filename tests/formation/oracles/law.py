@@ -129,6 +129,7 @@ class Demanded:
     memory: np.ndarray
     acc: np.ndarray
     lead_acc: np.ndarray
+    acc_rate: np.ndarray
     motion: Motion
     force: np.ndarray
     lift_cos: float
@@ -208,7 +209,7 @@ class Compensator:
     def demand(self, i: int, now_ns: int, memory: np.ndarray, frozen: bool, airborne: bool, dt: float) -> Demanded:
         n, flight = self.own[i], self.flights[i]
         known, has = self.known[n], self.traits[n]
-        out = Demanded(*(np.zeros(3) for _ in range(7)), np.zeros((3, 4)), np.zeros(3), 1.0, 0.0, 0.0)
+        out = Demanded(*(np.zeros(3) for _ in range(8)), np.zeros((3, 4)), np.zeros(3), 1.0, 0.0, 0.0)
         turned_ns = now_ns + int(flight.turn_dead_s * 1e9)
         facing = self.lab_reference(i, turned_ns, self.predicted(0, turned_ns).motion)
         out.yaw, out.yaw_rate = facing[0, 3], facing[1, 3]
@@ -221,7 +222,7 @@ class Compensator:
         ):
             arrival_ns = now_ns + int(dead * 1e9)
             hold_ns = arrival_ns if compensate else known.t_ns
-            later_ns = hold_ns + int(lag * 1e9)
+            later_ns, caught_up_ns = hold_ns + 10_000_000, hold_ns + int(lag * 1e9)
             lead, lead_later = self.leader_at(hold_ns, later_ns, compensate)
             mine = self.predicted(n, hold_ns)
             slot, frame = self.reference(i, hold_ns, lead)
@@ -234,15 +235,15 @@ class Compensator:
                 back[a], back_rate[a] = fed.back, fed.back_rate
                 kept = memory[a] if frozen and abs(fed.memory) > abs(memory[a]) else fed.memory
                 out.memory[a] = kept if airborne else 0.0
-            dist, later = (dist_after(known, has, (t - known.t_ns) * SECONDS) for t in (hold_ns, later_ns))
+            dist, later = (dist_after(known, has, (t - known.t_ns) * SECONDS) for t in (hold_ns, caught_up_ns))
             acc = eq_7(slot, frame, error, back) - (dist if fed.takes_off_z3 else 0.0)
             if axes == [0, 1]:
                 acc[:2] *= min(1.0, 11.7 / max(np.linalg.norm(acc[:2]), 1e-9))
             lead_acc = np.zeros(3)
             if compensate:
                 ahead = self.lab_reference(i, later_ns, lead_later) - to_lab(slot, frame)
-                rising = ahead[2, :3] + has.drag * ahead[1, :3]
-                rising = rising - (later - dist if fed.takes_off_z3 else 0.0)
+                out.acc_rate[axes] = (ahead[2, :3] + has.drag * ahead[1, :3])[axes] / 0.01
+                rising = lag * out.acc_rate - (later - dist if fed.takes_off_z3 else 0.0)
                 missing = acc - (mine.motion[2, :3] - dist)
                 pull = flight.quick.gain * mu**flight.quick.gain_power - 1.0 if axes == [0, 1] else 0.0
                 lead_acc = rising + lag * flight.quick.rate * (rot_z(frame[0, 3]) @ back_rate) + pull * missing

@@ -244,7 +244,7 @@ class OracleStack:
         lands = task.kind == POINT and self.led[i].base[2] < self.led[i].floor
         acc, lead_acc, bits = kept
         wanted = Wanted(
-            acc, lead_acc, out.motion, out.force, out.lift_cos, out.yaw, out.yaw_rate,
+            acc, lead_acc, out.acc_rate, out.motion, out.force, out.lift_cos, out.yaw, out.yaw_rate,
             known.strength, known.mismatch, since_s if lands else 0.0, bits,
         )  # fmt: skip
         return target(body, self.bounds, wanted, full)

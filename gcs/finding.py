@@ -100,6 +100,11 @@ def as_dicts(findings: Sequence[Finding]) -> list[dict[str, object]]:
     return [asdict(finding) for finding in findings]
 
 
+def vehicle_key(i: int, name: str) -> str:
+    """The key of vehicle i's own `name`."""
+    return f"leader.{name}" if i == 0 else f"followers[{i - 1}].{name}"
+
+
 class Keys:
     """The lab's keys, and what is to be said of them: `Finding.subject` is the key, `found` its value."""
 

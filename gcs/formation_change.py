@@ -22,6 +22,7 @@ from gcs.finding import Grade, Keys
 from gcs.flight import Flight
 from gcs.lab.feasibility import judge_trajectory, trajectory_text
 from gcs.landing import free_spot
+from gcs.permissions import lacking
 
 TRACKING_M = 0.02  # by so much together two followers may miss their references before the separation filter is asked
 INSET_M = 0.2
@@ -58,7 +59,8 @@ def ask(
 def participation(request: OperatorRequest, flight: Flight) -> tuple[Reject, ...]:
     """Leave drones out of the flight, or take them in again, or return why not.
 
-    argument: bodies, with commas between; `arm` names all that fly, or nobody, and then changes nothing.
+    argument: bodies, with commas between; `arm` names all that fly, or nobody, and then changes nothing. Any one drone
+    may be armed alone, to see which it is: gcs.permissions rejects its take-off.
     """
     if request.verb is Verb.ARM and not request.argument:
         return ()
@@ -73,10 +75,9 @@ def participation(request: OperatorRequest, flight: Flight) -> tuple[Reject, ...
             excluded = set(flight.excluded) - named
         case _:
             excluded = drones - named
-    if config.leader.body in excluded:
-        return (Reason.LEADER_NEEDED.of(config.leader.body),)
-    if excluded.issuperset(follower.body for follower in config.followers):
-        return (Reason.NONE_LEFT.of(),)
+    is_alone = request.verb is Verb.ARM and len(named) == 1
+    if not is_alone and (reasons := tuple(lacking(config, excluded))):
+        return reasons
     flight.exclude_only(excluded)
     return ()
 

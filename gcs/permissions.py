@@ -4,7 +4,7 @@ Whether a shape, its transition or a trajectory fits into the fence, and whom a 
 asked for, by gcs.formation_change.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from types import MappingProxyType
@@ -195,6 +195,19 @@ def all_armed(now: Situation) -> Iterator[Reject]:
         yield Reason.NOT_ARMED.of()
 
 
+def leader_and_follower(now: Situation) -> Iterator[Reject]:
+    """A leader and a follower take part: one drone that is armed alone, to be identified, stays on the floor."""
+    yield from lacking(now.config, now.flight.excluded)
+
+
+def lacking(config: LabConfig, excluded: Collection[str]) -> Iterator[Reject]:
+    """Why nothing is formed without these bodies: the leader is among them, or every follower."""
+    if config.leader.body in excluded:
+        yield Reason.LEADER_NEEDED.of(config.leader.body)
+    elif config.followers and all(follower.body in excluded for follower in config.followers):
+        yield Reason.NONE_LEFT.of()
+
+
 def time_to_lift_off(now: Situation) -> Iterator[Reject]:
     """No drone disarms by itself before it has lifted off."""
     for drone in now.drones:
@@ -260,7 +273,7 @@ CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
             nobody_flies, no_other_ground, bodies_ready, autopilots_ready, log_written, stop_button_works,
         ),
         Verb.TAKE_CONTROL: (armed_drones_controllable, no_other_ground),
-        Verb.TAKEOFF: (bodies_ready, autopilots_ready, all_armed, time_to_lift_off),
+        Verb.TAKEOFF: (leader_and_follower, bodies_ready, autopilots_ready, all_armed, time_to_lift_off),
         Verb.START: (all_joined, leader_seen),
         Verb.RESUME: (leader_commanded, interrupted, all_joined, leader_seen),
         Verb.HOME: (leader_commanded, all_joined, leader_seen, starts_known),

@@ -71,7 +71,7 @@ def offered_trajectories(context: typer.Context, incomplete: str) -> list[str]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Ground:
+class Ground:
     """Which ground is asked, as whom, and how long its answer is awaited; None: as long as is usual."""
 
     lab: Lab = None
@@ -88,7 +88,7 @@ def offered_bodies(context: typer.Context, incomplete: str) -> list[str]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Bodies(_Ground):
+class _Bodies(Ground):
     """Drones, and the ground that is asked about them."""
 
     bodies: Annotated[
@@ -97,14 +97,14 @@ class _Bodies(_Ground):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Land(_Ground):
+class _Land(Ground):
     """Which drone is to land, and the ground that is asked."""
 
     body: Annotated[str, typer.Argument(metavar="[BODY]", help="One alone.", autocompletion=offered_bodies)] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Arm(_Ground):
+class _Arm(Ground):
     """Who is to fly, and the ground that is asked."""
 
     fly_with: Annotated[
@@ -113,7 +113,7 @@ class _Arm(_Ground):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Start(_Ground):
+class _Start(Ground):
     """When the trajectory is to begin, and the ground that is asked."""
 
     at: Annotated[
@@ -126,7 +126,7 @@ class _Start(_Ground):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Shape(_Ground):
+class _Shape(Ground):
     """A shape, and the ground that is asked for it."""
 
     shape_name: Annotated[
@@ -140,7 +140,7 @@ class _Shape(_Ground):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Trajectory(_Ground):
+class _Trajectory(Ground):
     """A trajectory, and the ground that is asked for it."""
 
     trajectory_name: Annotated[
@@ -173,10 +173,10 @@ def register(app: typer.Typer) -> None:
     _register(app, Verb.RESET, "After a stop, back to GROUND; refused while any drone is armed or unheard.")
 
 
-@with_options(_Ground)
-def status(ground: _Ground) -> None:
+@with_options(Ground)
+def status(ground: Ground) -> None:
     """Show the phase, every drone, and what keeps them from arming."""
-    reply = _ask(Verb.STATUS, "", ground)
+    reply = ask_ground(Verb.STATUS, "", ground)
     if ground.as_json:
         print(reply.text)
     else:
@@ -253,15 +253,15 @@ def trajectory(asked: _Trajectory) -> None:
 def _register(app: typer.Typer, verb: Verb, words: str) -> None:
     """The command of one verb that takes no argument."""
 
-    @with_options(_Ground)
-    def ask(ground: _Ground) -> None:
+    @with_options(Ground)
+    def ask(ground: Ground) -> None:
         _command(verb, "", ground)
 
     app.command(verb.command_name, help=words)(ask)
 
 
-def _command(verb: Verb, argument: str, ground: _Ground) -> None:
-    reply = _ask(verb, argument, ground)
+def _command(verb: Verb, argument: str, ground: Ground) -> None:
+    reply = ask_ground(verb, argument, ground)
     if ground.as_json:
         print(json.dumps({"accepted": reply.accepted, "text": reply.text, "codes": reply.codes}))
     elif reply.accepted:
@@ -272,7 +272,8 @@ def _command(verb: Verb, argument: str, ground: _Ground) -> None:
         raise typer.Exit(REJECTED)
 
 
-def _ask(verb: Verb, argument: str, ground: _Ground) -> OperatorReply:
+def ask_ground(verb: Verb, argument: str, ground: Ground) -> OperatorReply:
+    """The ground's answer to a request; ends the program where none comes, or the lab is not right."""
     from wire.transport.zenoh_session import ask
 
     request = OperatorRequest(clock.unix_us(), verb, argument, own_name())

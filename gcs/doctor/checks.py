@@ -387,9 +387,7 @@ def check_axes(config: LabConfig, moved: Sequence[Moves]) -> tuple[Finding, ...]
 def _check_autopilot(config: LabConfig, moves: Moves) -> Finding:
     """Whether the autopilot in the drone that was tipped is the one that the lab file names."""
     vehicle, (*_, before, after) = config.vehicles[moves.vehicle], moves.snapshots
-    level, tipped = before.own_q_lab_from_flu, after.own_q_lab_from_flu
-    risen_rad = {sysid: _tilt_rad(tipped[sysid]) - _tilt_rad(level[sysid]) for sysid in level.keys() & tipped.keys()}
-    found = sorted(sysid for sysid, rise_rad in risen_rad.items() if rise_rad > TIPPED_RAD)
+    found = tipped_sysids(before, after)
     wanted = str(vehicle.sysid)
     if not found:
         return unmeasured(vehicle.body, "system id", wanted, "no autopilot reports that it was tipped: repeat")
@@ -397,6 +395,20 @@ def _check_autopilot(config: LabConfig, moves: Moves) -> Finding:
     names = ", ".join(f"{bodies[sysid]}'s {sysid}" for sysid in found)
     why = f"the drone in your hand answers as {names}: system ids are swapped"
     return graded(vehicle.body, "system id", ", ".join(map(str, found)), wanted, found == [vehicle.sysid], why)
+
+
+def tipped_sysids(before: Snapshot, after: Snapshot) -> list[int]:
+    """The system ids of the autopilots that report that they were tipped meanwhile."""
+    level, tipped = before.own_q_lab_from_flu, after.own_q_lab_from_flu
+    risen_rad = {sysid: _tilt_rad(tipped[sysid]) - _tilt_rad(level[sysid]) for sysid in level.keys() & tipped.keys()}
+    return sorted(sysid for sysid, rise_rad in risen_rad.items() if rise_rad > TIPPED_RAD)
+
+
+def moved_bodies(before: Snapshot, after: Snapshot) -> list[int]:
+    """The indices of the bodies that were moved or tipped meanwhile, by the mocap."""
+    is_moved = np.linalg.norm(after.pos_lab_m - before.pos_lab_m, axis=-1) > MOVED_M
+    is_tipped = _tilt_rad(after.q_lab_from_flu) - _tilt_rad(before.q_lab_from_flu) > TIPPED_RAD
+    return [int(i) for i in np.flatnonzero(before.seen & after.seen & (is_moved | is_tipped))]
 
 
 def _tilt_rad(q_lab_from_flu: Quats | Quat) -> Float:

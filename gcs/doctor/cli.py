@@ -1,18 +1,22 @@
-"""`gcs doctor` and `gcs logs`: the terminal around the survey."""
+"""`gcs doctor`, `gcs identify-bodies` and `gcs logs`: the terminal around the survey."""
 
 import json
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from select import select
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from formation.exposure import GROUND
+from formation.requests import GCS_NAME
+from gcs.cli.operator import Ground, Identity, ask_ground
 from wire.process.program import (
     Insecure,
     Json,
     LabFile,
+    Name,
     configuration,
     fail,
     print_error,
@@ -23,6 +27,8 @@ from wire.process.system import NOT_RIGHT, REJECTED
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
+    from gcs.doctor.checks import Snapshot
+    from gcs.doctor.identify import Identified
     from gcs.doctor.survey import Survey
     from gcs.finding import Finding, Fix, Refit
     from wire.security.protection import Protection
@@ -91,6 +97,76 @@ def logs(
         raise typer.Exit(REJECTED)
 
 
+def identify_bodies(
+    lab: LabFile,
+    motors: Annotated[
+        bool, typer.Option("--motors", help="By a running ground: arm one drone at a time; you name whose motors turn.")
+    ] = False,
+    seconds: Annotated[float, typer.Option(min=1.0, help="How long each drone is waited for, by hand.")] = 60.0,
+    name: Name = GCS_NAME,
+    identity: Identity = "",
+    as_json: Json = False,
+    insecure: Insecure = False,
+) -> None:
+    """Tell which drone is which before take-off: lift each when asked. Exit code 1 where one is swapped or undecided.
+
+    The mocap says which body moved, the autopilots which of them was tipped with it; no motor turns without --motors.
+    """
+    config = configuration(lab)
+    import uvloop
+
+    from gcs.doctor.identify import StoppedError, by_motors, judge
+    from gcs.finding import as_dicts, failed
+    from mocap.service import ServiceError
+
+    ground = Ground(lab=lab, name=name, as_json=as_json, identity=identity, insecure=insecure)
+    try:
+        if motors:
+            found = by_motors(config, lambda verb, argument: ask_ground(verb, argument, ground), _answer, _say)
+        else:
+            found = uvloop.run(_by_hand(config, lab, seconds, insecure))
+    except ServiceError as error:
+        fail(str(error), error.code)
+    except ValueError as error:
+        fail(str(error), NOT_RIGHT)
+    except (OSError, StoppedError) as error:
+        fail(str(error), REJECTED)
+    findings = judge(config, found)
+    if as_json:
+        print(json.dumps(as_dicts(findings)))
+    else:
+        _show(findings)
+    if failed(findings):
+        raise typer.Exit(REJECTED)
+
+
+async def _by_hand(config: "LabConfig", lab_file: Path, seconds: float, insecure: bool) -> list["Identified"]:
+    from gcs.doctor.identify import StoppedError, by_hand
+    from gcs.doctor.survey import SNAPSHOT_NS, surveying  # loads MAVSDK
+
+    async with surveying(config, lab_file, print_event, _protection(config, lab_file, insecure)) as survey:
+
+        async def look() -> "Snapshot":
+            armed = [link.name for link in survey.drones.values() if link.armed]
+            if armed:
+                raise StoppedError(f"{', '.join(armed)} is armed: disarm it before anybody lifts a drone")
+            return await survey.snapshot()
+
+        await survey.settle()
+        return await by_hand(config, look, round(seconds * 1e9 / SNAPSHOT_NS), _say)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _answer(within_s: float | None) -> str | None:
+    """The operator's next line, read unbuffered, so that what is waited for is what is there."""
+    with open(sys.stdin.fileno(), "rb", buffering=0, closefd=False) as keyboard:
+        line = keyboard.readline() if select([keyboard], [], [], within_s)[0] else b""
+    return line.decode(errors="replace").strip() if line else None
+
+
 class _FixOptions:
     """Whether to write what would put findings right, and whether to ask first."""
 
@@ -112,11 +188,8 @@ async def _doctor(
     fixing: _FixOptions,
     insecure: bool,
 ) -> Sequence["Finding"]:
-    from rich.console import Console
-
     from gcs.doctor.restart_record import read_record
     from gcs.doctor.survey import examine, surveying  # loads MAVSDK
-    from gcs.finding import show
 
     recorded = read_record(lab_file)
     async with surveying(config, lab_file, print_event, _protection(config, lab_file, insecure)) as survey:
@@ -124,10 +197,18 @@ async def _doctor(
         findings = await examine(config, max(seconds, SETTLE_S), None if still else _prompt, survey)
         note_fixes(lab_file, (f.fix for f in findings if f.fix is not None and survey.reads_at_boot(f.fix)))
         if not as_json:
-            show(findings, Console(width=None if sys.stdout.isatty() else WIDTH))
+            _show(findings)
         if fixing.wanted:
             await _write(survey, lab_file, findings, fixing)
         return findings
+
+
+def _show(findings: Sequence["Finding"]) -> None:
+    from rich.console import Console
+
+    from gcs.finding import show
+
+    show(findings, Console(width=None if sys.stdout.isatty() else WIDTH))
 
 
 async def _write(survey: "Survey", lab_file: Path, findings: Sequence["Finding"], fixing: _FixOptions) -> None:

@@ -33,7 +33,7 @@ from formation.model import QuatTuple
 from formation.safety.rules_table import STALE_SETPOINT_S
 from formation.trajectory_config import KINDS
 from formation.vehicle.profile import PROFILES, VehicleProfile
-from gcs.finding import Finding, Grade, Keys
+from gcs.finding import Finding, Grade, Keys, vehicle_key
 from gcs.lab.feasibility import judge_feasibility
 from wire.security.bus_access import REMEDY
 
@@ -285,7 +285,7 @@ def _spawns(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     least_m, fence = config.limits.min_separation_m, config.limits.fence
     for order, i in enumerate(config.commanded):
         vehicle, spawn = config.vehicles[i], np.array(config.vehicles[i].spawn_lab_m)
-        key = "leader.spawn_lab_m" if i == 0 else f"followers[{i - 1}].spawn_lab_m"
+        key = vehicle_key(i, "spawn_lab_m")
         if i > 0 and (np.any(spawn[:2] < fence.low_m[:2]) or np.any(spawn[:2] > fence.high_m[:2])):
             yield keys.reject(key, "spawn", f"{vehicle.body} starts outside limits.fence: it would not arm")
         for j in config.commanded[:order]:
@@ -358,11 +358,6 @@ def judge_wiring(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     yield from judge_trajectory_keys(config, keys)
     yield from _leader(config, keys)
     yield from _headings(config, keys)
-
-
-def vehicle_key(i: int, name: str) -> str:
-    """The key of vehicle i's own `name`."""
-    return f"leader.{name}" if i == 0 else f"followers[{i - 1}].{name}"
 
 
 def _mocap(config: LabConfig, keys: Keys) -> Iterator[Finding]:

@@ -69,13 +69,25 @@ def test_arm_names_who_flies_and_changes_nothing_where_it_is_refused(lab: FakeLa
         (Verb.EXCLUDE, "lead", Reason.LEADER_NEEDED),
         (Verb.EXCLUDE, "left,right", Reason.NONE_LEFT),
         (Verb.ARM, "left,right", Reason.LEADER_NEEDED),
-        (Verb.ARM, "lead", Reason.NONE_LEFT),
         (Verb.INCLUDE, "middle", Reason.NO_DRONE),
     ],
 )
 def test_who_cannot_be_left_out_is_named(lab: FakeLab, verb: Verb, argument: str, reason: Reason) -> None:
     assert reasons(lab, verb, argument) == [reason]
     assert not any(drone.excluded for drone in lab.state.drones)
+
+
+@pytest.mark.parametrize(("body", "reason"), [("right", Reason.LEADER_NEEDED), ("lead", Reason.NONE_LEFT)])
+def test_one_drone_is_armed_alone_and_never_takes_off(lab: FakeLab, body: str, reason: Reason) -> None:
+    lab.ask(Verb.ARM, body)
+    lab.run(4.0)
+    assert [drone.body for drone in lab.state.drones if drone.armed] == [body]
+    assert reason in reasons(lab, Verb.TAKEOFF)
+    assert lab.phase is Phase.ARMED
+    lab.command(Verb.LAND, Phase.GROUND)
+    lab.run(2.0)
+    assert not any(drone.armed for drone in lab.state.drones)
+    assert reason in reasons(lab, Verb.EXCLUDE, "left")
 
 
 def test_in_the_air_nobody_is_left_out_or_taken_in(lab: FakeLab) -> None:

@@ -108,7 +108,7 @@ def identify_bodies(
     as_json: Json = False,
     insecure: Insecure = False,
 ) -> None:
-    """Tell which drone is which before take-off: lift each when asked. Exit code 1 where one is swapped or undecided.
+    """Find out which drone is which before take-off: lift each when asked. Exit code 1 if one is swapped or undecided.
 
     The mocap says which body moved, the autopilots which of them was tipped with it; no motor turns without --motors.
     """
@@ -122,7 +122,7 @@ def identify_bodies(
     ground = Ground(lab=lab, name=name, as_json=as_json, identity=identity, insecure=insecure)
     try:
         if motors:
-            found = by_motors(config, lambda verb, argument: ask_ground(verb, argument, ground), _answer, _say)
+            found = by_motors(config, lambda verb, argument: ask_ground(verb, argument, ground), _answer, _print_line)
         else:
             found = uvloop.run(_by_hand(config, lab, seconds, insecure))
     except ServiceError as error:
@@ -146,17 +146,17 @@ async def _by_hand(config: "LabConfig", lab_file: Path, seconds: float, insecure
 
     async with surveying(config, lab_file, print_event, _protection(config, lab_file, insecure)) as survey:
 
-        async def look() -> "Snapshot":
+        async def snapshot() -> "Snapshot":
             armed = [link.name for link in survey.drones.values() if link.armed]
             if armed:
                 raise StoppedError(f"{', '.join(armed)} is armed: disarm it before anybody lifts a drone")
             return await survey.snapshot()
 
         await survey.settle()
-        return await by_hand(config, look, round(seconds * 1e9 / SNAPSHOT_NS), _say)
+        return await by_hand(config, snapshot, round(seconds * 1e9 / SNAPSHOT_NS), _print_line)
 
 
-def _say(text: str) -> None:
+def _print_line(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 

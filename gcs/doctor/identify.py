@@ -18,8 +18,8 @@ from wire.ground_state import GroundState, decode
 IDLE_S, DISARM_S = 4.0, 5.0
 IDENTITY = "identity"
 
-Say = Callable[[str], None]
-Look = Callable[[], Awaitable[Snapshot]]
+Report = Callable[[str], None]
+GetSnapshot = Callable[[], Awaitable[Snapshot]]
 Ask = Callable[[Verb, str], OperatorReply]
 Answer = Callable[[float | None], str | None]
 """The operator's next line, without its end; None where none came within so many seconds, or none is to come."""
@@ -61,81 +61,82 @@ def _pair(config: LabConfig, bodies: Iterable[int], sysids: Iterable[int | None]
     return f"{names or 'no body'}, system {' and '.join(map(str, sysids)) or '-'}"
 
 
-async def by_hand(config: LabConfig, look: Look, looks: int, say: Say) -> list[Identified]:
-    """Have every commanded drone lifted in turn; looks: so many at most for each, and until it is put down."""
+async def by_hand(config: LabConfig, snapshot: GetSnapshot, most: int, report: Report) -> list[Identified]:
+    """Have every commanded drone lifted in turn; most: snapshots of each at most, and until it is put down."""
     found = []
     for i in config.commanded:
         vehicle = config.vehicles[i]
-        say(f"Lift {vehicle.body} (system {vehicle.sysid}), tip it by some thirty degrees, and put it down")
-        one = await _lifted(config, i, look, looks, say)
-        say("It is " + _pair(config, one.bodies, one.sysids))
+        report(f"Lift {vehicle.body} (system {vehicle.sysid}), tip it by some thirty degrees, and put it down")
+        one = await _lifted(config, i, snapshot, most, report)
+        is_decided = len(one.bodies) == len(one.sysids) == 1
+        report(("It is " if is_decided else "Not decided: ") + _pair(config, one.bodies, one.sysids))
         found.append(one)
     return found
 
 
-async def _lifted(config: LabConfig, asked: int, look: Look, looks: int, say: Say) -> Identified:
-    before, bodies, sysids = await look(), set[int](), set[int]()
-    for _ in range(looks):
-        now = await look()
+async def _lifted(config: LabConfig, asked: int, snapshot: GetSnapshot, most: int, report: Report) -> Identified:
+    before, bodies, sysids = await snapshot(), set[int](), set[int]()
+    for _ in range(most):
+        now = await snapshot()
         moved, tipped = moved_bodies(before, now), tipped_sysids(before, now)
         if len(moved) == len(tipped) == 1:
             bodies, sysids = set(moved), set(tipped)
             break
         if moved and not bodies:
-            say(f"{_pair(config, moved, tipped)}: tip it until one of each has moved")
+            report(f"{_pair(config, moved, tipped)}: tip it until one of each has moved")
         bodies, sysids = bodies | set(moved), sysids | set(tipped)
-    for _ in range(looks):
-        if not tipped_sysids(before, await look()):
+    for _ in range(most):
+        if not tipped_sysids(before, await snapshot()):
             break
     return Identified(asked, tuple(sorted(bodies)), tuple(sorted(sysids)))
 
 
-def by_motors(config: LabConfig, ask: Ask, answer: Answer, say: Say) -> list[Identified]:
+def by_motors(config: LabConfig, ask: Ask, answer: Answer, report: Report) -> list[Identified]:
     """Have the ground arm each drone that takes part alone, in turn, as the operator agrees to. StoppedError.
 
     It is disarmed as soon as the operator has answered, anything has moved, or IDLE_S are over.
     """
     state = _state(ask)
     if state.phase is not Phase.GROUND:
-        raise StoppedError(f"the ground is in {state.phase.name}: drones are told apart in GROUND")
+        raise StoppedError(f"the ground is in {state.phase.name}: it has to be in GROUND")
     part = [drone.body for drone in state.drones if not drone.excluded]
     try:
-        return [_turned(config, i, ask, answer, say) for i in config.commanded if config.vehicles[i].body in part]
+        return [_turned(config, i, ask, answer, report) for i in config.commanded if config.vehicles[i].body in part]
     finally:
         ask(Verb.INCLUDE, ",".join(part))
 
 
-def _turned(config: LabConfig, asked: int, ask: Ask, answer: Answer, say: Say) -> Identified:
+def _turned(config: LabConfig, asked: int, ask: Ask, answer: Answer, report: Report) -> Identified:
     vehicle, names = config.vehicles[asked], [each.body for each in config.vehicles]
-    say(f"Arm {vehicle.body} (system {vehicle.sysid}) alone, motors idling? Keep clear. Enter: yes, n and Enter: no")
+    report(f"Arm {vehicle.body} (system {vehicle.sysid}) alone, motors idling? Keep clear. Enter: yes, n and Enter: no")
     if answer(None) != "":
         return Identified(asked)
     try:
         reply = ask(Verb.ARM, vehicle.body)
         if not reply.accepted:
             raise StoppedError(f"{vehicle.body} was not armed: {reply.text}")
-        line = _name_while_idling(ask, answer, say)
+        line = _name_while_idling(ask, answer, report)
     finally:
         _disarm(ask)
     if not line:
-        say("Disarmed. Whose motors turned?")
+        report("Disarmed. Whose motors turned?")
         line = answer(None)
     while line and line not in names:
-        say(f"{line} is none of {', '.join(names)}: whose motors turned?")
+        report(f"{line} is none of {', '.join(names)}: whose motors turned?")
         line = answer(None)
     return Identified(asked, (names.index(line),) if line else (), (vehicle.sysid or 0,))
 
 
-def _name_while_idling(ask: Ask, answer: Answer, say: Say) -> str | None:
+def _name_while_idling(ask: Ask, answer: Answer, report: Report) -> str | None:
     """The operator's answer while the motors idle; None where none has come in time. StoppedError: a drone moved."""
     first = _state(ask)
-    before = _places(first)
+    before = _positions(first)
     where = ", ".join(f"{body} at x {x:.1f}, y {y:.1f}" for body, (x, y, _) in before.items())
-    say(f"Whose motors turn? Its name, and Enter, which ends it; {where}")
+    report(f"Whose motors turn? Its name, and Enter, which ends it; {where}")
     now, line = first, None
     while line is None and now.t_s - first.t_s < IDLE_S:
         line, now = answer(0.1), _state(ask)
-        there = _places(now)
+        there = _positions(now)
         moved = [body for body in before.keys() & there.keys() if dist(before[body], there[body]) > MOVED_M]
         if moved:
             raise StoppedError(f"{', '.join(moved)} moved: the motors were stopped")
@@ -157,5 +158,5 @@ def _state(ask: Ask) -> GroundState:
     return decode(ask(Verb.STATUS, "").text)
 
 
-def _places(state: GroundState) -> dict[str, tuple[float, float, float]]:
+def _positions(state: GroundState) -> dict[str, tuple[float, float, float]]:
     return {drone.body: drone.pos_lab_m for drone in state.drones if drone.pos_lab_m is not None}

@@ -3,8 +3,10 @@
 import asyncio
 import math
 import os
+import socket
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +15,13 @@ import pytest
 from formation.config import LabConfig, LinkConfig
 from formation.maths import frames
 from formation.messages import Event, RawFrame
+from gcs.doctor.identify import Identified, by_hand
 from gcs.doctor.survey import examine, surveying
 from gcs.finding import Finding, Fix, Grade
 from mocap.core import MocapCore
 from mocap.service import configuration_name
 from tests.free_ports import free_port
+from tests.gcs.fakes import FakeDrone
 from wire import clock
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
@@ -34,7 +38,7 @@ class Room:
     """The true place of the one drone, and a mocap whose frame is turned by 90 degrees about up."""
 
     def __init__(self) -> None:
-        self.pos, self.yaw = np.array([0.3, 0.2, 0.0]), 0.0
+        self.pos, self.yaw, self.tilt = np.array([0.3, 0.2, 0.0]), 0.0, frames.IDENTITY
         self._rng = np.random.default_rng(1)
 
     async def publish(self, config: LabConfig, bus: ZenohBus) -> None:
@@ -43,7 +47,7 @@ class Room:
         mocap.announce(configuration_name(config))
         while True:
             seq += 1
-            q_lab_from_flu = frames.from_yaw(np.array(self.yaw))
+            q_lab_from_flu = frames.multiply(frames.from_yaw(np.array(self.yaw)), self.tilt)
             pos = frames.rotate(Q_MOCAP_FROM_LAB, self.pos) + self._rng.normal(0.0, 1e-4, 3)
             q = frames.multiply(Q_MOCAP_FROM_LAB, q_lab_from_flu)
             now_ns = clock.monotonic_ns()
@@ -63,6 +67,20 @@ class Room:
         for _ in range(STEPS):
             self.pos, self.yaw = self.pos + move / STEPS, self.yaw + turn / STEPS
             await asyncio.sleep(0.01)
+
+
+def _one_drone(lab: str, port: int, **leader: str) -> tuple[LabConfig, LinkConfig]:
+    """A lab of one drone, and the listening end of its bus."""
+    config = LabConfig.model_validate(
+        {
+            "name": lab,
+            "leader": {"body": "left", "sysid": 2, **leader},
+            "followers": [{"body": "right", "sysid": 3, "offset_m": (0, 1, 0)}],
+            "link": {"zenoh_connect": [f"tcp/127.0.0.1:{port}"]},
+        }
+    )
+    hub = LinkConfig(zenoh_listen=(f"tcp/127.0.0.1:{port}",), zenoh_connect=())
+    return config.model_copy(update={"followers": ()}), hub
 
 
 def _agent(folder: Path, lab: str, port: int, name: str, *options: str) -> subprocess.Popen[bytes]:
@@ -96,16 +114,7 @@ async def _round(
 
 def test_every_fault_of_a_lab_is_named(tmp_path):
     lab, port = f"doctor-{os.getpid()}", free_port()
-    config = LabConfig.model_validate(
-        {
-            "name": lab,
-            "leader": {"body": "left", "sysid": 2},
-            "followers": [{"body": "right", "sysid": 3, "offset_m": (0, 1, 0)}],
-            "link": {"zenoh_connect": [f"tcp/127.0.0.1:{port}"]},
-        }
-    )
-    config = config.model_copy(update={"followers": ()})
-    hub = LinkConfig(zenoh_listen=(f"tcp/127.0.0.1:{port}",), zenoh_connect=())
+    config, hub = _one_drone(lab, port)
     twins = [_agent(tmp_path, lab, port, f"{i}.txt", "--param", "MPC_THR_HOVER=0.3") for i in range(2)]
     events: list[Event] = []
     try:
@@ -123,3 +132,52 @@ def test_every_fault_of_a_lab_is_named(tmp_path):
     assert {("left", "autopilot"), ("left", "body name"), ("mocap", "units")} <= passed
     assert fixed
     assert [event.text for event in events] == ["frames come from the mocap process that is running"]
+
+
+async def _tipped_drone(room: Room, port: int) -> None:
+    """An autopilot at a UDP port, in the drone that is in the hand."""
+    drone, ground = FakeDrone(2, room.pos, 0.5), None
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        link.setblocking(False)
+        link.bind(("127.0.0.1", port))
+        while True:
+            now_ns, drone.own_q = clock.monotonic_ns(), room.tilt
+            with suppress(BlockingIOError):
+                while True:
+                    data, ground = link.recvfrom(65536)
+                    drone.receive(data, now_ns)
+            for data in drone.outgoing(now_ns) if ground else ():
+                link.sendto(data, ground)
+            await asyncio.sleep(0.01)
+
+
+def test_a_drone_in_the_hand_is_told_by_its_body_and_its_autopilot():
+    """By real sockets: the mocap's poses over the bus, the autopilot's attitude by its own link."""
+    port, drone_port = free_port(), free_port()
+    config, hub = _one_drone(f"hand-{os.getpid()}", port, link=f"udp:127.0.0.1:{drone_port}", guard="none")
+
+    async def told() -> list[Identified]:
+        room, bus = Room(), await ZenohBus.open(hub, config.name)
+        tasks = [asyncio.create_task(room.publish(config, bus)), asyncio.create_task(_tipped_drone(room, drone_port))]
+
+        def tip(text: str) -> None:
+            if text.startswith("Lift"):
+                tasks.append(asyncio.create_task(tipped()))
+
+        async def tipped() -> None:
+            await asyncio.sleep(1.0)
+            room.tilt = np.array([math.cos(0.25), math.sin(0.25), 0.0, 0.0])
+            await asyncio.sleep(2.0)
+            room.tilt = frames.IDENTITY
+
+        try:
+            async with surveying(config, Path("unused.toml"), [].append) as survey:
+                await survey.settle()
+                return await by_hand(config, survey.snapshot, 60, tip)
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            await bus.close()
+
+    assert asyncio.run(told()) == [Identified(0, (0,), (2,))]

@@ -8,8 +8,8 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,11 +20,11 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from bench.against import ROOT, AgainstError, checkout
 from bench.command import FAILED, Json
 from sim.lockstep import run_to_file
 from sim.scenario import Scenario, load
 
+ROOT = Path(__file__).parents[1]
 SCENARIO, LANDING_S = "triangle_circle", 60.0
 LOG = "flight.mcap"
 TURNS = 3
@@ -67,6 +67,10 @@ with tempfile.TemporaryDirectory() as os.environ["NUMBA_CACHE_DIR"]:
     from sim.cli.flights import compile_everything
     compile_everything()
 """
+
+
+class AgainstError(RuntimeError):
+    """The other commit cannot be had, or does not run; the text says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +151,29 @@ def cost(tree: Path, arguments: Sequence[str], folder: Path) -> Cost:
         words = done.stderr.strip().splitlines()[-1:] or [f"exit code {code}"]
         raise AgainstError(f"{' '.join(arguments)}: {words[0]}")
     return Cost(cpu_s, wall_s, peak_mb, said)
+
+
+@contextmanager
+def checkout(revision: str, repository: Path = ROOT) -> Iterator[Path]:
+    """The files of a commit of the repository, for a while; AgainstError."""
+    with TemporaryDirectory() as folder:
+        archive = Path(folder) / "commit.tar"
+        tree = Path(folder) / "tree"
+        tree.mkdir()
+        _run("git", "-C", str(repository), "archive", "--output", str(archive), revision)
+        _run("tar", "-x", "-f", str(archive), "-C", str(tree))
+        yield tree
+
+
+def _run(*command: str) -> None:
+    """AgainstError with its last words where it fails."""
+    try:
+        subprocess.run(command, capture_output=True, text=True, check=True)
+    except OSError as error:
+        raise AgainstError(f"{command[0]}: {error.strerror or error}") from error
+    except subprocess.CalledProcessError as error:
+        words = error.stderr.strip().splitlines()[-1:] or [f"exit code {error.returncode}"]
+        raise AgainstError(words[0]) from error
 
 
 def least(costs: Sequence[Cost]) -> Cost:

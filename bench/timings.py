@@ -20,7 +20,6 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from bench.against import AgainstError, Compared, against
 from bench.call_counts import TickCalls, python_calls, tick_calls
 from bench.command import Json
 from formation import topics
@@ -372,10 +371,6 @@ def main(
         list[int] | None,
         typer.Option(min=1, max=FOLLOWERS_MOST, help="How many follow; again for more swarms. 2, 10 and 20."),
     ] = None,
-    revision: Annotated[
-        str | None,
-        typer.Option("--against", metavar="REV", help="Measure this commit of the checkout, too, and show ratios."),
-    ] = None,
     as_json: Json = False,
 ) -> None:
     """Time law, estimate, tick, codec, lockstep and bus on this machine; some seconds. It judges nothing.
@@ -384,12 +379,8 @@ def main(
     """
     console, sizes = Console(stderr=as_json, markup=False), followers or FOLLOWERS
     compile_everything()
-    result: Result | Compared
-    try:
-        with console.status("starting") as status:
-            result = bench(status.update, sizes) if revision is None else against(revision, sizes, status.update)
-    except AgainstError as error:
-        raise typer.BadParameter(f"--against {revision}: {error}") from error
+    with console.status("starting") as status:
+        result = bench(status.update, sizes)
     if as_json:
         print(result.to_json())
         return

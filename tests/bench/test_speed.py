@@ -1,12 +1,12 @@
 """What people wait for, measured: that a command's cost is its own, and what is shown of it."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import pytest
 
-from bench.against import ROOT, AgainstError
-from bench.speed import ROWS, Cost, Measured, cost, flight, least, table, to_json
+from bench.speed import ROOT, ROWS, AgainstError, Cost, Measured, checkout, cost, flight, least, table, to_json
 
 BUSY = "import time\nwhile time.process_time() < 0.3: pass"
 
@@ -32,6 +32,22 @@ def test_a_ratio_is_of_cpu_time_here_over_there() -> None:
     assert (told["tables"]["there"], told["tables"]["ratio"]) == (None, None)
     columns = [list(column.cells) for column in table(found, "abc").columns]
     assert [columns[k] for k in (0, 1, 5)] == [["load", "tables"], ["2.00", "2.00"], ["0.25", ""]]
+
+
+def test_the_files_are_those_of_the_commit_and_gone_afterwards(tmp_path: Path) -> None:
+    git = ["git", "-C", str(tmp_path), "-c", "user.name=n", "-c", "user.email=e@example.org"]
+    file = tmp_path / "speed.txt"
+    subprocess.run([*git, "init", "--quiet"], check=True)
+    for text in ("slow", "fast"):
+        file.write_text(text)
+        subprocess.run([*git, "add", "speed.txt"], check=True)
+        subprocess.run([*git, "commit", "--quiet", "--message", text], check=True)
+    with checkout("HEAD~1", tmp_path) as folder:
+        assert (folder / "speed.txt").read_text() == "slow"
+    assert not folder.exists()
+    assert file.read_text() == "fast"
+    with pytest.raises(AgainstError, match="none-such"), checkout("none-such", tmp_path):
+        pass
 
 
 def test_the_flight_lasts_as_long_as_is_asked() -> None:

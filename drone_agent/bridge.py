@@ -1,6 +1,5 @@
 """The bridge's process: pumps GuardCore between the ground's link, the bus and the autopilot's own port."""
 
-import asyncio
 import sys
 from math import inf
 
@@ -11,7 +10,7 @@ from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
 from wire.mavlink.framing import FrameCutter
-from wire.process.daemon import READY, EventSink, Precondition, Stop, Watchdog, notify, report_missing
+from wire.process.daemon import READY, EventSink, Precondition, Stop, Watchdog, beside, notify, report_missing
 from wire.process.progress import compile_all
 from wire.process.system import prefer_process
 from wire.rejections import RejectionLog
@@ -91,8 +90,6 @@ async def run_bridge(config: BridgeConfig, report: EventSink, clock: Clock = REA
     core = GuardCore(config, clock.monotonic_ns())
     pump = _Pump(core, config.sysid, report, clock, serial=autopilot.startswith("serial:"))
     bus: ZenohBus | None = None
-    missing: asyncio.Task[None] | None = None
-    attending: asyncio.Task[None] | None = None
     try:
         pump.autopilot = await _open_autopilot(autopilot, config.sysid, pump, protection)
         report(Event(Severity.INFO, f"uav{config.sysid}", f"priority: {prefer_process()}"))
@@ -106,14 +103,10 @@ async def run_bridge(config: BridgeConfig, report: EventSink, clock: Clock = REA
             _awaited_autopilot(autopilot, config.sysid, core),
             awaited_pose(config, lambda: core.has_pose),
         )
-        missing = asyncio.create_task(report_missing(f"uav{config.sysid}", awaited, report, bus.others))
-        attending = asyncio.create_task(protection.attend(report))
-        await stop.wait()
+        missing = report_missing(f"uav{config.sysid}", awaited, report, bus.others)
+        async with beside(missing, protection.attend(report)):
+            await stop.wait()
     finally:
-        if attending is not None:
-            attending.cancel()
-        if missing is not None:
-            missing.cancel()
         pump.timer.stop()
         for link in (pump.ground, pump.autopilot):
             if link is not None:

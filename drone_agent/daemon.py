@@ -1,6 +1,5 @@
 """The drone agent's process: pumps simulated drones between their links, the bus and the clock until it is stopped."""
 
-import asyncio
 import sys
 from collections.abc import Sequence
 
@@ -12,7 +11,7 @@ from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.config_file import ConfigError
-from wire.process.daemon import EventSink, Precondition, Punctuality, Stop, report_missing
+from wire.process.daemon import EventSink, Precondition, Punctuality, Stop, beside, report_missing
 from wire.process.progress import compile_all
 from wire.rejections import RejectionLog
 from wire.transport.link import Link
@@ -88,7 +87,6 @@ async def run(configs: Sequence[SimulatedDroneConfig], report: EventSink, clock:
     compile_all("drone-agent", lambda: _warm_up(cores, clock), sys.stderr)
     pumps = [_Pump(config, core, report, clock, rejections) for config, core in zip(configs, cores, strict=True)]
     bus: ZenohBus | None = None
-    tasks: list[asyncio.Task[None]] = []
     try:
         if any(_uses_bus(config) for config in configs):
             bus = await ZenohBus.open(configs[0].link, configs[0].lab, rejections, protections[0])
@@ -102,16 +100,15 @@ async def run(configs: Sequence[SimulatedDroneConfig], report: EventSink, clock:
             pump.bus = bus
             pump.link = await open_ground_link(pump.config, bus, pump.receive, rejections, protection)
             pump.turn()
-            tasks.append(asyncio.create_task(protection.attend(report)))
+        parts = [protection.attend(report) for protection in protections]
         if bus is not None:
-            tasks += [
-                asyncio.create_task(report_missing(f"uav{pump.config.sysid}", awaited, report, bus.others))
+            parts += [
+                report_missing(f"uav{pump.config.sysid}", awaited, report, bus.others)
                 for pump, awaited in zip(pumps, _awaited(pumps, bus), strict=True)
             ]
-        await stop.wait()
+        async with beside(*parts):
+            await stop.wait()
     finally:
-        for task in tasks:
-            task.cancel()
         for pump in pumps:
             pump.timer.stop()
             if pump.link is not None:

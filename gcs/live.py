@@ -4,7 +4,6 @@ Foxglove connects to a WebSocket server here, Rerun has its own window; both get
 untouched. Their packages are optional: `pip install 'mavlink-formation[live]'`.
 """
 
-import asyncio
 import os
 import socket
 import subprocess
@@ -20,7 +19,7 @@ from mcap.writer import CompressionType, Writer
 from formation.config import LinkConfig
 from wire.logs.live import ChannelDescription, LiveLog, keys
 from wire.logs.scene import rerun_blueprint, show_bodies
-from wire.process.daemon import GROUND_REMEDY, Precondition, Stop, report_missing
+from wire.process.daemon import GROUND_REMEDY, Precondition, Stop, beside, report_missing
 from wire.process.system import python_command
 from wire.security.bus_access import free_loopback_port
 from wire.security.protection import LOOPBACK_ONLY, Protection
@@ -214,15 +213,12 @@ async def run(
         live.receive_chunk(sample.payload.to_bytes())
 
     ground = Precondition(f"the log of ground {name!r}", lambda: live.begun, GROUND_REMEDY)
-    awaited_task = asyncio.create_task(
-        report_missing("live", [ground], lambda event: report(f"{event.source}: {event.text}"))
-    )
     try:
         bus.listen(head_key, receive_head, limit=1)
         bus.listen(chunk_key, receive_chunk, limit=QUEUED)
-        await stop.wait()
+        async with beside(report_missing("live", [ground], lambda event: report(f"{event.source}: {event.text}"))):
+            await stop.wait()
     finally:
-        awaited_task.cancel()
         await bus.close()
         for viewer in viewers:
             viewer.close()

@@ -3,7 +3,6 @@
 A process of its own, which asks nothing: it hears what the page hears. The client library serves, in its own thread.
 """
 
-import asyncio
 from collections.abc import Iterator
 
 from prometheus_client import CollectorRegistry, start_http_server
@@ -13,7 +12,7 @@ from prometheus_client.registry import Collector
 from formation.codes import Phase, Severity
 from formation.config import LinkConfig
 from wire.ground_state import GroundState, decode
-from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, report_missing
+from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, beside, report_missing
 from wire.security.protection import Protection
 from wire.transport.zenoh_bus import ZenohBus
 
@@ -83,15 +82,14 @@ async def run(
     host, port = where
     server, thread = start_http_server(port, host, registry)
     ground = Precondition(f"ground {name!r}", lambda: metrics.state is not None, GROUND_REMEDY)
-    missing = asyncio.create_task(report_missing("metrics", [ground], report))
     try:
         bus = await ZenohBus.open(link.joined, lab, protection=protection)
         try:
             bus.on_state(name, metrics.receive)
-            await stop.wait()
+            async with beside(report_missing("metrics", [ground], report)):
+                await stop.wait()
         finally:
             await bus.close()
     finally:
-        missing.cancel()
         server.shutdown()
         thread.join()

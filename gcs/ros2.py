@@ -15,7 +15,7 @@ from wire import clock as clocks
 from wire.clock import Clock
 from wire.ground_state import GroundState, decode
 from wire.logs.live import LiveLog, keys
-from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, first_of, report_missing
+from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, beside, first_of, report_missing
 from wire.process.system import own_name
 from wire.ros2.flight import OK, TF_STATIC, Flight, Shown, diagnostics, fault_status, phase_status, static_frames
 from wire.ros2.message_types import Values
@@ -126,11 +126,10 @@ async def run(
         Precondition(f"ROS 2's router at {graph.router}", lambda: bool(shows.publishers), ROUTER_REMEDY),
         Precondition(f"the log of ground {name!r}", lambda: shows.begun, GROUND_REMEDY),
     )
-    missing = asyncio.create_task(report_missing(SOURCE, awaited, report))
     try:
-        await first_of(_publish(shows, graph, bus, name, clock, report), stop.wait())
+        async with beside(report_missing(SOURCE, awaited, report)):
+            await first_of(_publish(shows, graph, bus, name, clock, report), stop.wait())
     finally:
-        missing.cancel()
         await bus.close()
     return shows.messages
 

@@ -3,7 +3,6 @@
 A process of its own, so that poses reach the drones whatever becomes of the ground.
 """
 
-import asyncio
 import json
 import sys
 from collections import deque
@@ -39,6 +38,7 @@ from wire.process.daemon import (
     Precondition,
     Stop,
     Watchdog,
+    beside,
     bus_at,
     first_of,
     notify,
@@ -200,8 +200,6 @@ async def run(
     Raises BusError, MocapFileError, and ServiceError where another process serves the lab already.
     """
     stop = Stop()
-    awaited_task: asyncio.Task[None] | None = None
-    attending = asyncio.create_task(protection.attend(outputs.event))
     bus = await ZenohBus.open(config.link.joined, config.name, protection=protection)
     try:
         mocap_bus = MocapBus(bus, clock)
@@ -215,12 +213,10 @@ async def run(
             bus_at(config.link.joined.zenoh_connect, lambda: bus.is_joined, GROUND_REMEDY),
             Precondition(f"frames of source {config.mocap.source!r}", lambda: mocap.has_frame, _remedy(config)),
         )
-        awaited_task = asyncio.create_task(report_missing(SOURCE, awaited, mocap.report, bus.others))
-        await first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())
+        missing = report_missing(SOURCE, awaited, mocap.report, bus.others)
+        async with beside(protection.attend(outputs.event), missing):
+            await first_of(mocap.watch(linger_s), mocap.source.run(), stop.wait())
     finally:
-        attending.cancel()
-        if awaited_task is not None:
-            awaited_task.cancel()
         await bus.close()
 
 

@@ -41,7 +41,7 @@ from gcs.security.signing_probe import ASK_S, ASKS, SigningProbe
 from mocap.service import mocap_service
 from wire import clock
 from wire.mavlink.framing import packed
-from wire.process.daemon import EventSink
+from wire.process.daemon import EventSink, beside
 from wire.rejections import RejectionLog
 from wire.security.bus_access import BusAccess
 from wire.security.protection import LOOPBACK_ONLY, Protection
@@ -255,20 +255,15 @@ async def surveying(
     """A survey of the lab, its links open and pumped. Raises what opening the bus, the links and the mocap raises."""
     bus = await ZenohBus.open_or_listen(config.link, config.name, protection=protection)  # no ground is needed
     survey = Survey(config)
-    tasks: list[asyncio.Task[None]] = []
     try:
         survey.signing = await probe_signing(config, protection)
         survey.links = await open_links(config, bus, survey.receive_datagram)
-        tasks = [asyncio.create_task(survey.pump()), asyncio.create_task(protection.attend(report))]
         mocap = MocapBus(bus)
         mocap.on_frame(survey.receive_frame)
         mocap.on_state(survey.receive_mocap_state)
-        async with mocap_service(config, lab_file, mocap, report):
+        async with beside(survey.pump(), protection.attend(report)), mocap_service(config, lab_file, mocap, report):
             yield survey
     finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
         if survey.links is not None:
             survey.links.close()
         await bus.close()

@@ -18,7 +18,7 @@ from sim.scenario import Scenario, recorded_leader
 from sim.script import OperatorView
 from wire.clock import Clock
 from wire.ground_state import decode
-from wire.process.daemon import Precondition, Punctuality, report_missing
+from wire.process.daemon import Precondition, Punctuality, beside, report_missing
 from wire.process.program import print_event
 from wire.security.protection import lab_protection
 from wire.transport.mocap_bus import MocapBus
@@ -53,11 +53,11 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
     else:
         bus = await ZenohBus.open_or_listen(link, scenario.lab.name, protection=protection)
     drones = Precondition("true poses of simulated drones", lambda: bool(truths), f"start one: {_DRONE}")
-    missing = asyncio.create_task(report_missing("mocap emulator", [drones], print_event, bus.others))
     try:
         bus.on_truth(receive_truth)
         bus.on_state(gcs_name, receive_state)
-        async with _outlet(scenario, bus, clock) as server:
+        missing = report_missing("mocap emulator", [drones], print_event, bus.others)
+        async with beside(missing), _outlet(scenario, bus, clock) as server:
             bodies, mocap = ", ".join(v.body for v in scenario.lab.vehicles), scenario.lab.mocap
             where = f"the bus of lab {bus.lab!r}" if isinstance(server, _OnTheBus) else f"{mocap.source}'s protocol"
             text = f"publishing {bodies} at {scenario.mocap.rate_hz:g} Hz on {where}"
@@ -78,7 +78,6 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
                 while emulator.next_photo_ns <= now_ns:
                     emulator.expose(truths)
     finally:
-        missing.cancel()
         await bus.close()
 
 

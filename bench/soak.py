@@ -1,7 +1,8 @@
-"""`python -m bench.soak`: one long hover, its log written: what memory and log grow by meanwhile.
+"""`python -m bench.soak`: a long hover, or one of many drones, its log written: what memory and log grow by meanwhile.
 
 In lockstep everything runs in this one process, so that what grows is an upper bound for the ground alone. By real
-processes the memory is the ground's own, and its late control cycles are counted.
+processes the memory is the ground's own, its late control cycles are counted, and its tick is timed: from the receipt
+of a frame until the last drone's datagram was handed to Zenoh. How near the drones came to each other is judged.
 """
 
 import asyncio
@@ -18,9 +19,12 @@ import typer
 from rich.console import Console
 
 from bench.command import FAILED, Json
-from bench.timings import of_size
+from bench.timings import Timing, of_size
 from formation.messages import Phase, Verb
 from formation.requests import GCS_NAME
+from formation.safety.phases import AIRBORNE
+from formation.safety.rules import nearest
+from formation.topics import MOCAP, PHASE, TIMING
 from formation.trajectory_config import TrajectoryConfig
 from sim.fly import Files, fly_on, running
 from sim.lockstep import run_to_file
@@ -29,8 +33,9 @@ from sim.scenario import Scenario
 from sim.script import Step
 from wire.clock import REAL_TIME, Clock
 from wire.ground_state import Cycles, decode
+from wire.logs.mcap_read import read_log
 
-SAMPLED_S = 5.0
+SAMPLED_S, SEPARATION_NS = 5.0, 100_000_000
 LANDING_S = 60.0
 """After the hover: for take-off, landing and what the drones' autopilots take to disarm."""
 CAPACITY_MAH = 1e6
@@ -53,13 +58,22 @@ class Sample:
 class Soak:
     """A hover of so many drones; samples: in the air, SAMPLED_S apart; outcome: how it ended.
 
-    speed: simulated seconds a second.
+    speed: simulated seconds a second. tick: of the ground with a frame, in the air; None in lockstep. separation_m: the
+    least between two in the air, sampled ten times a second, None where nobody took off; min_separation_m: of the lab.
     """
 
     drones: int
     samples: tuple[Sample, ...]
     outcome: str
     speed: float
+    tick: Timing | None = None
+    separation_m: float | None = None
+    min_separation_m: float = 0.0
+
+    @property
+    def is_good(self) -> bool:
+        """Whether all landed, and none came too near."""
+        return self.outcome == "landed" and (self.separation_m or 0.0) >= self.min_separation_m
 
     @property
     def memory_bytes_h(self) -> float:
@@ -85,10 +99,12 @@ class Soak:
         """What a person reads of it."""
         last = self.samples[-1] if self.samples else None
         late = f", {last.late} of {last.cycles} control cycles late" if last and last.cycles else ""
+        tick = f", a tick takes {self.tick.text} µs" if self.tick else ""
+        near = "" if self.separation_m is None else f"never nearer than {self.separation_m:.2f} m, "
         return (
-            f"{self.drones} drones at {self.speed:.1f} times real time, {self.outcome}: "
+            f"{self.drones} drones at {self.speed:.2f} times real time, {self.outcome}: {near}"
             f"memory grows {self.memory_bytes_h * 1e-6:.1f} MB an hour, "
-            f"the log {self.log_bytes_s_drone * 1e-3:.1f} kB a second and drone{late}"
+            f"the log {self.log_bytes_s_drone * 1e-3:.1f} kB a second and drone{late}{tick}"
         )
 
 
@@ -119,7 +135,7 @@ def soak(followers: int, hover_s: float, folder: Path, progress: Progress) -> So
     scenario, log = hover(followers, hover_s), folder / "soak.mcap"
     sampler = Sampler(log, hover_s, memory_bytes, progress)
     flown = run_to_file(scenario, scenario.seed, log, sampler.note)
-    return Soak(followers + 1, tuple(sampler.samples), flown.outcome.result, flown.realtime_factor)
+    return _result(scenario, sampler, log, flown.outcome.result, flown.realtime_factor)
 
 
 async def soak_by_processes(
@@ -138,7 +154,30 @@ async def soak_by_processes(
             sampler = Sampler(files.mcap, hover_s, lambda: memory_bytes(ground), progress)
             flight.bus.on_state(GCS_NAME, sampler.receive_state)
             outcome = await fly_on(flight, scenario, sampler.note, clock)
-    return Soak(followers + 1, tuple(sampler.samples), outcome.result, clock.speed)
+    return _result(scenario, sampler, files.mcap, outcome.result, clock.speed)
+
+
+def _result(scenario: Scenario, sampler: Sampler, log: Path, outcome: str, speed: float) -> Soak:
+    ticks_us, separation_m = of_log(log, speed)
+    tick, lab = Timing.of(ticks_us) if ticks_us else None, scenario.lab
+    samples = tuple(sampler.samples)
+    return Soak(len(lab.vehicles), samples, outcome, speed, tick, separation_m, lab.limits.min_separation_m)
+
+
+def of_log(file: Path, speed: float) -> tuple[list[float], float | None]:
+    """Of the ground's log: its ticks in the air, microseconds of the machine; least separation, m."""
+    phase, ticks_us, separation_m, sampled_ns = Phase.GROUND, list[float](), np.inf, 0
+    for entry in read_log(file).only(MOCAP, PHASE, TIMING):
+        if entry.topic is PHASE:
+            phase = entry.message.phase
+        elif phase not in AIRBORNE:
+            continue
+        elif entry.topic is TIMING:
+            ticks_us.append(entry.message.latency_s / speed * 1e6)
+        elif entry.t_ns >= sampled_ns + SEPARATION_NS:
+            sampled_ns = entry.t_ns
+            separation_m = min(separation_m, float(nearest(entry.message.pos_lab_m, entry.message.seen).min()))
+    return ticks_us, separation_m if np.isfinite(separation_m) else None
 
 
 def hover(followers: int, hover_s: float) -> Scenario:
@@ -175,21 +214,24 @@ def slope(x: list[float], y: list[int]) -> float:
 
 def main(
     followers: Annotated[int, typer.Option(min=1, max=249, help="How many follow.")] = 9,
-    minutes: Annotated[float, typer.Option(min=0.5, help="Of hover; ten drones take half as long in lockstep.")] = 10.0,
+    minutes: Annotated[
+        float, typer.Option(min=0.05, help="Of hover; ten drones take half as long in lockstep.")
+    ] = 10.0,
     processes: Annotated[bool, typer.Option("--processes", help="In real time, by real processes.")] = False,
     hosts: Annotated[int | None, typer.Option(min=1, help="The same; so many of them share the drones.")] = None,
+    speed: Annotated[float, typer.Option(min=0.01, max=1.0, help="By processes: seconds of flight in one.")] = 1.0,
     as_json: Json = False,
 ) -> None:
-    """Hover for long, and measure what memory and log grow by; exit code 1 if it did not last and land."""
+    """Hover for long, and measure what grows; exit code 1 if it did not last and land, or two came too near."""
     console = Console(stderr=True, markup=False)
     with TemporaryDirectory() as folder, console.status("starting") as status:
         arguments = followers, 60.0 * minutes, Path(folder), status.update
         if processes or hosts is not None:
-            result = asyncio.run(soak_by_processes(*arguments, hosts))
+            result = asyncio.run(soak_by_processes(*arguments, hosts, Clock(speed)))
         else:
             result = soak(*arguments)
     print(result.to_json() if as_json else result.text)
-    if result.outcome != "landed":
+    if not result.is_good:
         raise typer.Exit(FAILED)
 
 

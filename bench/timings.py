@@ -250,14 +250,14 @@ def _position_m(k: int) -> Vec3Tuple:
 
 
 @contextmanager
-def timed(owner: object, name: str, clock_ns: Callable[[], int] = clock.monotonic_ns) -> Iterator[list[float]]:
-    """How long each call of the owner's function takes meanwhile, microseconds of that clock."""
+def timed(owner: object, name: str) -> Iterator[list[float]]:
+    """How long each call of the owner's function takes meanwhile, microseconds."""
     function, durations_us = getattr(owner, name), list[float]()
 
     def clocked(*arguments: object) -> object:
-        begun_ns = clock_ns()
+        begun_ns = clock.monotonic_ns()
         result = function(*arguments)
-        durations_us.append((clock_ns() - begun_ns) * 1e-3)
+        durations_us.append((clock.monotonic_ns() - begun_ns) * 1e-3)
         return result
 
     setattr(owner, name, clocked)

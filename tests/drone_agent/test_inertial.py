@@ -15,7 +15,7 @@ from formation.vehicle.profile import VehicleState, at_rest, profile
 from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, hover_over
 from wire.link_messages import InertialSample, Result
 
-INTERVAL, REQUEST, HIGHRES_IMU = 511, 512, 105.0
+INTERVAL, HIGHRES_IMU = 511, 105.0
 NO_BIAS = (0.0, 0.0, 0.0)
 QUIET = InertialError(noise_m_s2=0.0, vibration_m_s2=0.0, rate_noise_rad_s=0.0, bias_flu_m_s2=NO_BIAS)
 UP_G = [0.0, 0.0, GRAVITY_M_S2]

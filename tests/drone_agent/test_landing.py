@@ -13,7 +13,7 @@ from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, hover_over
 from wire.link_messages import AttitudeSetpoint, Result
 
 PAPER = profile_of("paper_40g")
-ARM, LAND, MODE, TERMINATE = 400, 21, 176, 185
+ARM, LAND, MODE = 400, 21, 176
 CUT = 21196.0
 OWN_DELAY_S = {"px4": 2.0, "ardupilot": 0.5}
 """From touch-down to disarming: PX4's COM_DISARM_LAND, ArduCopter's LAND."""

@@ -1,11 +1,8 @@
 """The release and the commit it was made from."""
 
 import re
-from pathlib import Path
 
 from wire import version
-
-ROOT = Path(__file__).parents[2]
 
 
 def test_text_names_release_and_commit():

@@ -140,7 +140,7 @@ def _text(text: str) -> bytes:
 
 
 Address = tuple[str, int]
-CONNECT, REQUEST, REQUEST_MODELS, DISCONNECT, KEEP_ALIVE, ECHO_REQUEST, DISCOVERY = 0, 2, 4, 9, 10, 12, 14
+CONNECT, REQUEST, REQUEST_MODELS, KEEP_ALIVE, ECHO_REQUEST, DISCOVERY = 0, 2, 4, 10, 12, 14
 HEADER = 4
 CLIENT_NS = 10_000_000_000
 """So long a unicast client is served after its last word."""

@@ -13,8 +13,6 @@ from tests.mocap.sources import natnet_packets as outside
 from tests.mocap.sources.natnet_lockstep import CLIENT, MS, SERVER, Lockstep
 from tests.mocap.sources.recorded_feed import Kept, kept
 
-VERSIONS = [(3, 0), (3, 1), (4, 0), (4, 1), (4, 2)]
-
 
 def greeted(names: dict[str, str] | None = None) -> tuple[Kept, NatNetSession]:
     """A session that the server has answered."""

@@ -23,11 +23,9 @@ from wire.link_messages import (
     Address,
     Attitude,
     AttitudeQuaternion,
-    AttitudeSetpoint,
     EstimatorType,
     GlobalPosition,
     Heartbeat,
-    Ignore,
     InertialSample,
     LinkMessage,
     LocalPosition,
@@ -39,7 +37,6 @@ from wire.link_messages import (
     ParamRequestList,
     TimeSync,
     UnknownMessage,
-    VisionPose,
     command_long,
 )
 from wire.mavlink.codec import Codec
@@ -52,8 +49,6 @@ NORTH, EAST, DOWN = 1.0, -2.0, -0.5
 Q_NED = [C45 * C15, C45 * S15, C45 * S15, -C45 * C15]
 ROLL, PITCH, YAW = 0.0, math.pi / 6, -math.pi / 2
 RATE_FLU, RATE_FRD = np.array([0.4, 0.5, 0.6]), (0.4, -0.5, -0.6)
-VEL_FLU, VEL_FRD = np.array([0.1, 0.2, 0.3]), (0.1, -0.2, -0.3)
-UNKNOWN = [math.nan] + [0.0] * 20
 ZERO = np.zeros(3)
 DRONE = Address(1, 1)
 MAVSDK = Address(245, 190)
@@ -144,22 +139,12 @@ def test_attitude_by_hand(roll_deg, pitch_deg, yaw_deg, q_lab):
 
 
 # What MAVSDK 4.1.0 put on the wire for the pose above: its mocap plugin (covariance [NaN]), its direct plugin for
-# SET_ATTITUDE_TARGET and TIMESYNC, the latter with the target that pymavlink has no field for.
+# TIMESYNC with the target that pymavlink has no field for.
 FROM_MAVSDK = {
-    "SET_ATTITUDE_TARGET": (
-        2,
-        "fd27000002f5be52000088130000ecd92e3faf673b3eaf673b3eecd92ebf0000000000000000000000000000003f0101072c57",
-        AttitudeSetpoint(DRONE, 5000, Q_LAB, ZERO, 0.5, Ignore.BODY_RATES),
-    ),
     "TIMESYNC": (
         4,
         "fd12000004f5be6f0000000000000000000079df0d8648700000010190e7",
         TimeSync(0, 123456789012345, DRONE),
-    ),
-    "VISION_POSITION_ESTIMATE": (
-        7,
-        "fd24000007f5be6600007b000000000000000000803f000000c0000000bf00000000920a063fdb0fc9bf0000c07ff177",
-        VisionPose(123, POS_LAB, Q_LAB),
     ),
     "ATT_POS_MOCAP": (
         8,

@@ -6,11 +6,10 @@ from pymavlink.dialects.v20 import ardupilotmega as oracle
 
 from formation.messages import Severity
 from tests.wire.messages import text
-from wire.link_messages import GROUND, Address, Heartbeat, MavAutopilot, StatusText
+from wire.link_messages import GROUND, Address, StatusText
 from wire.mavlink.codec import Codec
 
 DRONE, OTHER = Address(7, 1), Address(8, 1)
-HEARTBEAT = Heartbeat(MavAutopilot.PX4, 2, 0, 0, 4)
 LONG = "Preflight Fail: " + "heading estimate not stable, " * 12
 
 

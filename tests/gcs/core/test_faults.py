@@ -14,25 +14,6 @@ from tests.gcs.fakes import FakeLab, commands, flying, reasons, refusal, triangl
 from wire.link_messages import EkfStatus, ExtendedSysState, LandedState, ParamType, ParamValue, Result
 
 
-@pytest.mark.parametrize(
-    ("fault", "found"),
-    [
-        (lambda lab: setattr(lab.drones[2], "pos", np.array([2.7, 0.4, 0.0])), [Reason.OUTSIDE_FENCE]),
-        (
-            lambda lab: setattr(lab.drones[2], "pos", np.array([-0.4, -0.3, 0.0])),
-            [Reason.TOO_NEAR, Reason.TOO_NEAR],
-        ),
-        (lambda lab: setattr(lab.drones[3], "sends_nothing", True), [Reason.NO_HEARTBEAT]),
-    ],
-)
-def test_arming_is_rejected_with_its_reason(fault, found):
-    lab = FakeLab(triangle())
-    fault(lab)
-    lab.run(2.0)
-    assert reasons(lab, Verb.ARM) == found
-    assert lab.phase is Phase.GROUND
-
-
 def test_a_body_is_nowhere_while_it_is_not_seen_and_nobody_arms():
     """It would stand at (0, 0, 0), where the drone `lead` is, and shoot from there to where it is first seen."""
     lab = FakeLab(triangle())

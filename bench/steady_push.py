@@ -10,9 +10,8 @@ from dataclasses import asdict, dataclass
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
-from bench.command import FAILED, Json, Only, Seeds, Vehicle
+from bench.command import FAILED, Only, Seeds, Vehicle
 from formation.vehicle.profile import PAPER_40G, VehicleProfile
 from sim.cli.studies import vehicle_profile, without_nan
 from sim.scenario import Scenario, TrueVehicle
@@ -70,34 +69,18 @@ def fly(job: Push) -> Settling:
     return settling(flight, result)
 
 
-def table(jobs: Sequence[Push], flown: Sequence[Settling]) -> Table:
-    """A row a flight; red: it swings on."""
-    shown = Table(title="a push that begins at once and stays")
-    headings = ("controller", "push, of the tilt limit", "motor lag", "seed", "swing, deg", "settles in, s", "off, mm")
-    for heading in headings:
-        shown.add_column(heading, justify="left" if heading == "controller" else "right")
-    for job, met in zip(jobs, flown, strict=True):
-        figures = (f"{met.swing_deg:.2f}", f"{met.settle_s:.2f}", f"{1e3 * met.deviation_m:.0f}")
-        row = (job.controller, f"{job.share:g}", f"x {job.motor_lag:g}", str(job.seed), *figures)
-        shown.add_row(*row, style=None if met.at_rest else "red")
-    return shown
-
-
-def main(seeds: Seeds = 1, vehicle: Vehicle = "paper_40g", only: Only = None, as_json: Json = False) -> None:
+def main(seeds: Seeds = 1, vehicle: Vehicle = "paper_40g", only: Only = None) -> None:
     """Hover in a push that begins at once and stays, with slower motors than believed; exit code 1 if any swings on."""
-    console = Console(stderr=as_json, markup=False)
     try:
         pushes = jobs(only or ["cfc"], vehicle_profile(vehicle), range(1, seeds + 1))
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
-    flown = Runner(console).run("flights", fly, pushes)
-    console.print(table(pushes, flown))
-    if as_json:
-        rows = [
-            {"controller": j.controller, "share": j.share, "motor_lag": j.motor_lag, "seed": j.seed} | asdict(f)
-            for j, f in zip(pushes, flown, strict=True)
-        ]
-        print(json.dumps(without_nan(rows), indent=2))
+    flown = Runner(Console(stderr=True, markup=False)).run("flights", fly, pushes)
+    rows = [
+        {"controller": j.controller, "share": j.share, "motor_lag": j.motor_lag, "seed": j.seed} | asdict(f)
+        for j, f in zip(pushes, flown, strict=True)
+    ]
+    print(json.dumps(without_nan(rows), indent=2))
     if not all(met.at_rest for met in flown):
         raise typer.Exit(FAILED)
 

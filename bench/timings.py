@@ -16,12 +16,9 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
 from bench.call_counts import TickCalls, python_calls, tick_calls
-from bench.command import Json
 from formation import topics
 from formation.config import FollowerConfig, LabConfig
 from formation.control import stack
@@ -152,40 +149,6 @@ class Result:
         for value, swarm in zip(values["swarms"], self.swarms, strict=True):
             value["law_and_estimate_us_per_drone"] = swarm.law_and_estimate_us_per_drone
         return json.dumps(values, indent=2, allow_nan=False)
-
-    def tables(self) -> Iterator[Table]:
-        """One table of swarms, one of single calls, one of the bus."""
-        swarms = _table("leader and followers, microseconds: median (shortest)", "")
-        for swarm in self.swarms:
-            swarms.add_column(f"+ {swarm.followers}", justify="right")
-        swarms.add_row("law and estimate, a drone", *(f"{s.law_and_estimate_us_per_drone:.1f}" for s in self.swarms))
-        swarms.add_row("estimate", *(s.estimate.text for s in self.swarms))
-        swarms.add_row("law", *(s.law.text for s in self.swarms))
-        swarms.add_row("control step", *(s.step.text for s in self.swarms))
-        swarms.add_row("the ground's tick", *(s.tick.text for s in self.swarms))
-        swarms.add_row("Python calls in it", *(f"{s.tick_calls.tick:.0f}" for s in self.swarms))
-        swarms.add_row("and to take in what came", *(f"{s.tick_calls.receive:.0f}" for s in self.swarms))
-        swarms.add_row("lockstep, s a second", *(f"{s.lockstep_speed:.1f}" for s in self.swarms))
-        swarms.add_row("Python calls, a simulated second", *(f"{s.python_calls:,}" for s in self.swarms))
-        yield swarms
-        parts, calls = self.parts, _table("single calls", "", "each")
-        calls.add_row(f"nearest neighbours of {MANY:,}", f"{parts.nearest_us:.0f} µs")
-        calls.add_row(f"separation filter of {MANY:,}", f"{parts.separation_filter_us:.0f} µs")
-        calls.add_row("encode an attitude target", f"{parts.encode_us:.1f} µs")
-        calls.add_row("decode it", f"{parts.decode_us:.1f} µs")
-        yield calls
-        bus = _table("a frame on the bus, microseconds", "", "median", "99 %")
-        bus.add_row("one hop between processes", f"{self.bus.hop.p50_us:.0f}", f"{self.bus.hop.p99_us:.0f}")
-        bus.add_row("two, through the mocap process", f"{self.bus.path.p50_us:.0f}", f"{self.bus.path.p99_us:.0f}")
-        bus.add_row("of it inside the mocap process", f"{self.bus.mocap_p50_us:.0f}", f"{self.bus.mocap_p99_us:.0f}")
-        yield bus
-
-
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
-    for k, column in enumerate(columns):
-        table.add_column(column, justify="right" if k else "left")
-    return table
 
 
 def bench(progress: Progress, followers: Sequence[int] = FOLLOWERS) -> Result:
@@ -371,21 +334,14 @@ def main(
         list[int] | None,
         typer.Option(min=1, max=FOLLOWERS_MOST, help="How many follow; again for more swarms. 2, 10 and 20."),
     ] = None,
-    as_json: Json = False,
 ) -> None:
-    """Time law, estimate, tick, codec, lockstep and bus on this machine; some seconds. It judges nothing.
+    """Time law, estimate, tick, codec, lockstep and bus on this machine, as JSON; some seconds. It judges nothing.
 
     A swarm of 101 drones takes two minutes.
     """
-    console, sizes = Console(stderr=as_json, markup=False), followers or FOLLOWERS
     compile_everything()
-    with console.status("starting") as status:
-        result = bench(status.update, sizes)
-    if as_json:
-        print(result.to_json())
-        return
-    for table in result.tables():
-        console.print(table)
+    with Console(stderr=True, markup=False).status("starting") as status:
+        print(bench(status.update, followers or FOLLOWERS).to_json())
 
 
 if __name__ == "__main__":

@@ -10,9 +10,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
-from bench.command import Json
 from bench.security.datagram_flood import Arrivals, setpoints_beside
 from bench.security.lab import keyed_lab
 from bench.security.link_cost import Hop, Signing, bus_hop, signing_cost
@@ -66,39 +64,11 @@ def measure(folder: Path, stops: int, setpoints: int, show: Callable[[str], None
 def main(
     stops: Annotated[int, typer.Option(min=1, help="How many `gcs stop` beside the flood.")] = 30,
     setpoints: Annotated[int, typer.Option(min=1, help="How many signed setpoints, 100 a second.")] = 1000,
-    as_json: Json = False,
 ) -> None:
-    """Measure what keys cost and what they withstand, by real sockets on loopback. It judges nothing."""
+    """Measure what keys cost and what they withstand, by real sockets on loopback, as JSON. It judges nothing."""
     console = Console(stderr=True, markup=False)
     with TemporaryDirectory() as folder, console.status("starting") as status:
-        figures = measure(Path(folder), stops, setpoints, status.update)
-    if as_json:
-        print(figures.to_json())
-    else:
-        Console(markup=False).print(table(figures))
-
-
-def table(figures: Figures) -> Table:
-    """A row a figure."""
-    signing, alone, beside = figures.signing, figures.setpoints_alone, figures.setpoints_beside_flood
-    shown = Table(title=f"keys on {figures.cores} cores, load {figures.load:.1f}", show_header=False)
-    shown.add_row("sign, verify a packet", f"{signing.sign_us:.1f}, {signing.verify_us:.1f} µs")
-    shares = f"{signing.sign_core_share:.1%}, {signing.verify_core_share:.1%}"
-    shown.add_row("100 drones at 100 Hz, of a core", shares)
-    for name, hop in (("bus without keys", figures.hop_plain), ("bus with keys", figures.hop_with_keys)):
-        shown.add_row(f"{name}, median and 99 %", f"{hop.p50_us:.0f}, {hop.p99_us:.0f} µs")
-    for arrivals in (alone, beside):
-        shown.add_row(
-            f"setpoints beside {arrivals.hostile_hz:,.0f} hostile datagrams a second",
-            f"{arrivals.accepted} of {arrivals.sent}, median {arrivals.p50_ms:.2f}, 99 % {arrivals.p99_ms:.2f} ms, "
-            f"{arrivals.core_share:.0%} of a core",
-        )
-    for where, stops in (("", figures.stops), (" from another computer", figures.stops_from_elsewhere)):
-        shown.add_row(
-            f"gcs stop{where} beside {stops.requests_hz:.0f} requests a second and half-open connections",
-            f"{stops.answered} of {stops.asked} answered, {stops.in_time} within 0.5 s, worst {stops.worst_s:.2f} s",
-        )
-    return shown
+        print(measure(Path(folder), stops, setpoints, status.update).to_json())
 
 
 if __name__ == "__main__":

@@ -2,10 +2,10 @@
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from pathlib import Path
 from select import select
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from gcs.finding import Finding, Fix, Refit
     from wire.security.protection import Protection
 
+T = TypeVar("T")
 SETTLE_S = 3.0
 WIDTH = 150  # of a table that is not for a terminal
 
@@ -50,23 +51,8 @@ def doctor(
 ) -> None:
     """Check mocap, axes, links, clocks and parameters before a motor turns. Exit code 1 if any check fails."""
     config = configuration(lab)
-    import uvloop
-
-    from gcs.finding import as_dicts, failed
-    from mocap.service import ServiceError
-
-    try:
-        findings = uvloop.run(_doctor(config, lab, seconds, still, as_json, _FixOptions(fix, yes), insecure))
-    except ServiceError as error:
-        fail(str(error), error.code)
-    except ValueError as error:
-        fail(str(error), NOT_RIGHT)
-    except OSError as error:
-        fail(str(error), REJECTED)
-    if as_json:
-        print(json.dumps(as_dicts(findings)))
-    if failed(findings):
-        raise typer.Exit(REJECTED)
+    options = _FixOptions(fix, yes)
+    _conclude(_result(lambda: _run(_doctor(config, lab, seconds, still, as_json, options, insecure))), as_json)
 
 
 def logs(
@@ -79,18 +65,10 @@ def logs(
 ) -> None:
     """Download the drones' own flight logs."""
     config = configuration(lab)
-    import uvloop
-
-    from mocap.service import ServiceError
     from wire.files import make_folder
 
     make_folder(out)
-    try:
-        problems = uvloop.run(_logs(config, lab, out, newest, sysid, as_json, insecure))
-    except ServiceError as error:
-        fail(str(error), error.code)
-    except (OSError, ValueError) as error:
-        fail(str(error), NOT_RIGHT)
+    problems = _result(lambda: _run(_logs(config, lab, out, newest, sysid, as_json, insecure)))
     for problem in problems:
         print_error(problem)
     if problems:
@@ -113,29 +91,49 @@ def identify_bodies(
     The mocap says which body moved, the autopilots which of them was tipped with it; no motor turns without --motors.
     """
     config = configuration(lab)
-    import uvloop
-
-    from gcs.doctor.identify import StoppedError, by_motors, judge
-    from gcs.finding import as_dicts, failed
-    from mocap.service import ServiceError
+    from gcs.doctor.identify import by_motors, judge
 
     ground = Ground(lab=lab, name=name, as_json=as_json, identity=identity, insecure=insecure)
+
+    def identified() -> list["Identified"]:
+        if not motors:
+            return _run(_by_hand(config, lab, seconds, insecure))
+        # Outside any event loop: Ctrl-C ends what waits for the operator, and disarms.
+        return by_motors(config, lambda verb, argument: ask_ground(verb, argument, ground), _answer, _print_line)
+
+    findings = judge(config, _result(identified))
+    if not as_json:
+        _show(findings)
+    _conclude(findings, as_json)
+
+
+def _run(work: Coroutine[Any, Any, T]) -> T:
+    import uvloop
+
+    return uvloop.run(work)
+
+
+def _result(work: Callable[[], T]) -> T:
+    """What it returns; ends the program where the mocap, the links or an operator's wish are not right."""
+    from gcs.doctor.identify import StoppedError
+    from mocap.service import ServiceError
+
     try:
-        if motors:
-            found = by_motors(config, lambda verb, argument: ask_ground(verb, argument, ground), _answer, _print_line)
-        else:
-            found = uvloop.run(_by_hand(config, lab, seconds, insecure))
+        return work()
     except ServiceError as error:
         fail(str(error), error.code)
     except ValueError as error:
         fail(str(error), NOT_RIGHT)
     except (OSError, StoppedError) as error:
         fail(str(error), REJECTED)
-    findings = judge(config, found)
+
+
+def _conclude(findings: Sequence["Finding"], as_json: bool) -> None:
+    """Print them for scripts, and end with the exit code."""
+    from gcs.finding import as_dicts, failed
+
     if as_json:
         print(json.dumps(as_dicts(findings)))
-    else:
-        _show(findings)
     if failed(findings):
         raise typer.Exit(REJECTED)
 

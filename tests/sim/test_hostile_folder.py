@@ -10,20 +10,16 @@ from pathlib import Path
 
 import pytest
 
-from gcs.cli.children import page_process
-from mocap.service import mocap_service
 from sim.processes import ProcessGroup
 from sim.studies.runner import run_all
-from tests.gcs.bus import a_lab, hub_of
 from tests.sim.short_scenario import SHORT
-from wire.config_file import dump
 from wire.process.system import NO_GROUND
-from wire.transport.mocap_bus import MocapBus
 
 pytestmark = pytest.mark.processes
 MODULES = ("queue", "asyncio", "socket", "struct", "typing")
 PACKAGES = ("sim", "analysis", "wire", "formation", "gcs", "drone_agent", "mocap")
 BIN = Path(sys.executable).parent
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -50,23 +46,13 @@ def add_packages(folder: Path, text: str) -> None:
         (folder / name / "__init__.py").write_text(text)
 
 
-def test_a_mocap_process_is_started_there(hostile: Path) -> None:
-    async def run() -> list[str]:
-        config, file = a_lab(), hostile / "lab.toml"
-        file.write_text(dump(config))
-        bus = await hub_of(config)
-        async with mocap_service(config, file, MocapBus(bus), lambda event: None):
-            serving = await MocapBus(bus).serving(5.0)
-        await bus.close()
-        return [] if serving is None else [serving]
-
-    assert asyncio.run(run())
-
-
-def test_a_page_is_started_there(hostile: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    with page_process(hostile / "missing.toml", "gcs", 1.0) as page:
-        page.wait(60.0)
-    assert "missing.toml: No such file or directory" in capfd.readouterr().err
+def test_whoever_starts_python_does_so_by_its_safe_path() -> None:
+    lines = [
+        line for name in PACKAGES for file in (ROOT / name).rglob("*.py") for line in file.read_text().splitlines()
+    ]
+    started = [line for line in lines if "sys.executable" in line]
+    assert started
+    assert all('"-P"' in line for line in started)
 
 
 def test_the_processes_of_a_flight_are_started_there(hostile: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import words
+from analysis import pushes, words
 from analysis.links import backlogs
 from analysis.load import Flight, load_checked
 from analysis.metrics import Age, Latency, Summary, rms, summarise, vibration_of
@@ -112,6 +112,7 @@ def html(flight: Flight, summary: Summary, damage: str = "") -> str:
         events=(*_event_tables(flight), _rejection_table(flight)),
         altitudes=altitudes(flight),
         followers=_follower_table(flight, tracking),
+        pushes=_push_table(flight),
         leader=_leader_table(track_leader(flight)),
         backlog=_backlog_table(flight),
         setup=setup(flight),
@@ -188,6 +189,20 @@ def _follower_table(flight: Flight, tracking: Tracking) -> Table | None:
         if len(error):
             cells = (vehicle.body, *_statistics(error), mm(vibration_of(tracking, k)))
             rows.append(Row(cells, colours[k + 1]))
+    return table(head, rows)
+
+
+def _push_table(flight: Flight) -> Table | None:
+    """One row a push: of which drone, when, how long and strong, and the largest deviations: possible and flown."""
+    head = ("drone", "@push begins", "#lasts, s", "#strongest, m/s²", "#possible by motors, mm",
+            "#possible by attitude, mm", "#flown, mm", "#tilted, °")  # fmt: skip
+    colours = {v.body: colour for v, colour in zip(flight.vehicles, style.colours(len(flight.vehicles)), strict=False)}
+    rows = [
+        Row((vehicle.body, f"{push.begin_s:.2f} s", f"{push.end_s - push.begin_s:.2f}", f"{push.peak_m_s2:.2f}",
+             mm(push.by_motors_m), mm(push.by_attitude_m), mm(push.flown_m), f"{np.degrees(push.tilt_rad):.0f}"),
+            colours[vehicle.body])
+        for vehicle, push in pushes.found(flight)
+    ]  # fmt: skip
     return table(head, rows)
 
 

@@ -11,12 +11,12 @@ import numpy as np
 from analysis.load import Flight
 from analysis.series import nearest
 from drone_agent.simulation.disturbance import SweptFan
+from formation.estimation.push import SETTLED_M
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
 from formation.messages import Phase
 from sim.scenario import Scenario
 
-SETTLED_M = 0.01
 PUSHED = 0.05
 """A gust is on while it pushes with more than this share of its peak."""
 HOVER_CALM_S = 1.0

@@ -25,11 +25,12 @@ from formation.codes import GOOD_RESULTS
 from formation.config import Fence, FollowerConfig
 from formation.maths.arrays import Float
 from formation.trajectory_config import TrajectoryConfig
+from formation.vehicle.bound import least_deviation_by_attitude_m
 from formation.vehicle.profile import VehicleProfile, profile
 from sim.cameras.emulator import Gap
 from sim.scenario import Pose, Scenario, TrueVehicle
 from sim.studies import experiments, host
-from sim.studies.bound import attitude_loop, gust_pass, least_deviation_by_attitude_m
+from sim.studies.bound import attitude_loop, gust_push
 from sim.studies.experiments import Experiment, Job
 from sim.studies.gust import chatter_deg
 from sim.studies.laws import ChosenLaw, followed_by
@@ -231,7 +232,7 @@ def least_m(vehicles: Sequence[str]) -> dict[str, float]:
     """The least deviation in the gust of any law that commands attitudes, by vehicle (sim.studies.bound)."""
     scenarios = {name: SCENES[GUST](profile(name)) for name in vehicles}
     return {
-        name: least_deviation_by_attitude_m(gust_pass(scenario), attitude_loop(scenario))
+        name: least_deviation_by_attitude_m(gust_push(scenario), attitude_loop(scenario))
         for name, scenario in scenarios.items()
     }
 

@@ -1,7 +1,7 @@
 """A recorded flight, taken apart to be flown again: its frames, its vehicles, and what acted on them from outside.
 
-The model of each vehicle is flown open loop with the recorded setpoints, on the recorded path; a smoother
-(analysis.disturbance) finds the acceleration that is left. What the poses show beside model and smoothed path is the
+The model of each vehicle is flown open loop with the recorded setpoints, on the recorded path; a smoother finds the
+acceleration that is left (formation.estimation.smoother). What the poses show beside model and smoothed path is the
 cameras' noise and the attitude's disturbance. Flown again with all of it, the same law gives the same flight.
 """
 
@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.disturbance import Smoothed, smooth
 from analysis.identify import response, thrust
 from analysis.identify.sensing import attitudes_of, scatter
 from analysis.identify.signals import UP, Sent, seen, sent
@@ -21,6 +20,7 @@ from analysis.load import Flight
 from analysis.series import nearest
 from analysis.tracking import airborne
 from formation.config import LabConfig
+from formation.estimation.smoother import Smoothed, smooth
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float, Quat, Quats
 from formation.maths.records import Rows, chosen, copied

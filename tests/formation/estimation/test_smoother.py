@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.disturbance import smooth
+from formation.estimation.smoother import smooth
 from formation.maths.arrays import Float
 
 NOISE_M = 1e-4

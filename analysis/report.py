@@ -193,16 +193,25 @@ def _follower_table(flight: Flight, tracking: Tracking) -> Table | None:
 
 
 def _push_table(flight: Flight) -> Table | None:
-    """One row a push: of which drone, when, how long and strong, and the largest deviations: possible and flown."""
+    """One row a push: of which drone, when, how long and strong, and the largest deviations, possible and flown; then
+    their mean."""
     head = ("drone", "@push begins", "#lasts, s", "#strongest, m/s²", "#possible by motors, mm",
             "#possible by attitude, mm", "#flown, mm", "#tilted, °")  # fmt: skip
-    colours = {v.body: colour for v, colour in zip(flight.vehicles, style.colours(len(flight.vehicles)), strict=False)}
+    colours, found = style.colours(len(flight.vehicles)), pushes.found(flight)
+    numbers = np.array(
+        [
+            (push.end_s - push.begin_s, push.peak_m_s2, 1e3 * push.by_motors_m, 1e3 * push.by_attitude_m,
+             1e3 * push.flown_m, np.degrees(push.tilt_rad))
+            for _, push in found
+        ]
+    )  # fmt: skip
     rows = [
-        Row((vehicle.body, f"{push.begin_s:.2f} s", f"{push.end_s - push.begin_s:.2f}", f"{push.peak_m_s2:.2f}",
-             mm(push.by_motors_m), mm(push.by_attitude_m), mm(push.flown_m), f"{np.degrees(push.tilt_rad):.0f}"),
-            colours[vehicle.body])
-        for vehicle, push in pushes.found(flight)
+        Row((vehicle.body, f"{push.begin_s:.2f} s", *(f"{number:.3g}" for number in row)),
+            colours[flight.vehicles.index(vehicle)])
+        for (vehicle, push), row in zip(found, numbers, strict=True)
     ]  # fmt: skip
+    if len(rows) > 1:
+        rows.append(Row(("mean", "", *(f"{number:.3g}" for number in numbers.mean(axis=0)))))
     return table(head, rows)
 
 

@@ -57,8 +57,8 @@ class Push:
 
     @property
     def text(self) -> str:
-        """`42 mm possible, 73 mm flown`."""
-        return f"{1e3 * self.by_attitude_m:.0f} mm possible, {1e3 * self.flown_m:.0f} mm flown"
+        """`about 42 mm possible, 73 mm flown`: noise hides when a push began."""
+        return f"about {1e3 * self.by_attitude_m:.0f} mm possible, {1e3 * self.flown_m:.0f} mm flown"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,7 +82,7 @@ def pushes(flown: Flown, profile: VehicleProfile, pose_delay_s: float, tilt_rad:
     count, span = round(CALM_S / float(np.median(np.diff(flown.t_s)))), round(CALM_S / STEP_S)
     up = frames.rotate(flown.q_lab_from_flu, np.broadcast_to(np.array([0.0, 0.0, 1.0]), (len(flown.t_s), 3)))
     disturbance, own = _disturbance(flown, up, profile.drag_1_s[:2])
-    calm = np.median(sliding_window_view(disturbance, count, axis=0)[: -2 * count], axis=-1)
+    calm = np.median(sliding_window_view(disturbance, count, axis=0)[: -count - 1], axis=-1)
     height = np.linalg.norm(disturbance[count : count + len(calm)] - calm, axis=1)
     fine_s = np.arange(flown.t_s[0], flown.t_s[-1], STEP_S)
     found = []

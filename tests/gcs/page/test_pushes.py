@@ -1,0 +1,49 @@
+"""Pushes found live, of frames and errors as they come, against the report of the same flight's log."""
+
+import numpy as np
+import pytest
+
+from analysis import pushes
+from analysis.load import Flight
+from formation.messages import LabFrame
+from gcs.page.pushes import PushFinder
+from sim.studies import host
+from sim.studies.experiments import Experiment, Job, scenario_of
+
+
+def live(flight: Flight) -> list[tuple[float, str]]:
+    """What the page shows while the flight is flown, and from when on: frames as they come, ten errors a second."""
+    assert flight.run.lab is not None
+    finder, shown, bodies = PushFinder(flight.run.lab), [(0.0, "")], tuple(v.body for v in flight.vehicles)
+    poses = flight.poses
+    slot_lab_m = np.median(poses.pos_lab_m[:, 1], axis=0)
+    for k, t_s in enumerate(poses.t_s.tolist()):
+        capture_ns, receive_ns = round(1e9 * t_s), round(1e9 * poses.received_s[k])
+        finder.receive_frame(
+            LabFrame(k, capture_ns, bodies, poses.pos_lab_m[k], poses.q_lab_from_flu[k], poses.seen[k], receive_ns)
+        )
+        if k % 10 == 0:
+            finder.receive_errors({bodies[1]: poses.pos_lab_m[k, 1] - slot_lab_m}, capture_ns)
+            text = "" if finder.newest is None else finder.newest[1].text
+            if text != shown[-1][1]:
+                shown.append((t_s, text))
+    return shown[1:]
+
+
+def test_each_push_is_shown_within_three_seconds_as_in_the_report() -> None:
+    _, flight = host.fly(scenario_of(Job("cfc", Experiment.GUST, 1)), 1)
+    shown, reported = live(flight), [push for _, push in pushes.found(flight)]
+    assert len(shown) >= len(reported) - 1  # the last may be over when the flight is
+    for (t_s, text), push in zip(shown, reported, strict=False):
+        assert push.begin_s + 1.0 < t_s < push.begin_s + 3.0
+        possible_mm, flown_mm = (float(part.split()[-3]) for part in text.split(", "))
+        assert flown_mm == pytest.approx(1e3 * push.flown_m, rel=0.1)
+        assert possible_mm == pytest.approx(1e3 * push.by_attitude_m, rel=0.5)
+
+
+def test_nothing_is_shown_of_a_flight_without_pushes() -> None:
+    _, flight = host.fly(scenario_of(Job("cfc", Experiment.LINE, 1)), 1)
+    finder = PushFinder(scenario_of(Job("cfc", Experiment.LINE, 1)).lab)
+    for t_s in flight.poses.t_s.tolist()[::10]:
+        finder.receive_errors({flight.vehicles[1].body: np.array([0.002, 0.0, 0.0])}, round(1e9 * t_s))
+    assert finder.newest is None

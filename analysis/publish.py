@@ -85,13 +85,15 @@ def write(flights: Sequence[Shown], folder: Path, width_mm: float = COLUMN_MM) -
 
 def table(flights: Iterable[Shown]) -> str:
     """A row a flight, for booktabs."""
-    head = " & ".join(("flight", *(heading for _, _, heading, _ in FIGURES)))
-    lines = [" & ".join((_plain(each.name), *(text or "--" for text in _values(each)))) + r" \\" for each in flights]
-    columns = "l" + "r" * len(FIGURES)
-    rows = "\n".join(lines)
-    return (
-        f"\\begin{{tabular}}{{{columns}}}\n\\toprule\n{head} \\\\\n\\midrule\n{rows}\n\\bottomrule\n\\end{{tabular}}\n"
-    )
+    head = ("flight", *(heading for _, _, heading, _ in FIGURES))
+    return tabular(head, [(each.name, *(text or "--" for text in _values(each))) for each in flights])
+
+
+def tabular(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table of plain texts, numbers behind its first column; it needs booktabs."""
+    first, *others = (" & ".join(map(_plain, cells)) + r" \\" for cells in (head, *rows))
+    lines = ("\\toprule", first, "\\midrule", *others, "\\bottomrule")
+    return "\n".join((f"\\begin{{tabular}}{{l{'r' * (len(head) - 1)}}}", *lines, "\\end{tabular}", ""))
 
 
 def numbers(flights: Iterable[Shown]) -> str:
@@ -172,13 +174,20 @@ def _plain(text: str) -> str:
 
 
 def _draw(each: Shown, folder: Path, width_mm: float) -> Iterator[Path]:
+    with style.styled():
+        drawn = {"error": _error(each, width_mm), "paths": _paths(each, width_mm)}
+    for name, figure in drawn.items():
+        yield from save(figure, folder / f"{each.name}-{name}")
+
+
+def save(figure: Figure, stem: Path) -> tuple[Path, Path]:
+    """Write a figure as PDF and SVG, and say where."""
+    files = stem.with_suffix(".pdf"), stem.with_suffix(".svg")
     with style.styled(), mpl.rc_context({"pdf.fonttype": TRUE_TYPE}):
-        for name, figure in (("error", _error(each, width_mm)), ("paths", _paths(each, width_mm))):
-            stem = folder / f"{each.name}-{name}"
-            FigureCanvasPdf(figure)
-            figure.savefig(stem.with_suffix(".pdf"), metadata={"CreationDate": None})
-            figure.savefig(stem.with_suffix(".svg"), metadata={"Date": None})
-            yield from (stem.with_suffix(".pdf"), stem.with_suffix(".svg"))
+        FigureCanvasPdf(figure)
+        figure.savefig(files[0], metadata={"CreationDate": None})
+        figure.savefig(files[1], metadata={"Date": None})
+    return files
 
 
 def _figure(width_mm: float, tall: float) -> Figure:

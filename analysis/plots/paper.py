@@ -130,7 +130,7 @@ def formation(traces: Traces) -> Drawing:
     flown = {name: trace for name, trace in traces.items() if len(trace.t_s)}
     if not flown:
         return Missing("no flight was traced")
-    fig, panels = _panels(len(flown), 2.5, together=True)
+    fig, panels = _panels(len(flown), 2.5, ("lab x, m", "lab y, m"), together=True)
     for ax, (name, trace) in zip(panels, flown.items(), strict=True):
         colours = style.colours(trace.path_m.shape[1])
         wanted = trace.path_m[:, 1:] - trace.error_m
@@ -140,10 +140,9 @@ def formation(traces: Traces) -> Drawing:
         ax.plot(*trace.path_m[::2, 0].T, color=colours[0], lw=0.8, zorder=2)
         ax.set_title(NAMES[name])
         ax.set_aspect("equal", adjustable="box")
-    for ax in panels[::COLUMNS]:
-        ax.set_ylabel("lab y, m")
-    for ax in panels[-COLUMNS:]:
-        ax.set_xlabel("lab x, m")
+    for ax in panels:
+        ax.apply_aspect()
+        style.place_y_label(fig, ax)
     return fig
 
 
@@ -152,7 +151,7 @@ def deviations(traces: Traces) -> Drawing:
     flown = {name: trace for name, trace in traces.items() if len(trace.t_s)}
     if not flown:
         return Missing("no flight was traced")
-    fig, panels = _panels(len(flown), 1.7, together=False)
+    fig, panels = _panels(len(flown), 1.7, ("", "error, mm"), together=False)
     widest_mm = 1.0
     for ax, (name, trace) in zip(panels, flown.items(), strict=True):
         length_mm = 1e3 * np.linalg.norm(trace.error_m, axis=-1)
@@ -164,20 +163,26 @@ def deviations(traces: Traces) -> Drawing:
     for ax in panels:
         ax.set(yscale="log", ylim=(LEAST_MM, 1.5 * widest_mm))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    for ax in panels[::COLUMNS]:
-        ax.set_ylabel("error, mm")
     return fig
 
 
-def _panels(count: int, height_in: float, *, together: bool) -> tuple[Figure, list[Axes]]:
-    """A grid of panels, three a row, sharing both scales or none; those beyond `count` are not drawn."""
+def _panels(count: int, height_in: float, labels: tuple[str, str], *, together: bool) -> tuple[Figure, list[Axes]]:
+    """A grid of panels, three a row at most, sharing both scales or none; those beyond `count` are not drawn.
+
+    labels: of x, below the lowest of each column, and of y, at the left.
+    """
     rows = -(-count // COLUMNS)
+    columns = -(-count // rows)
     sheet = style.Sheet(
-        rows * (height_in + 0.6), (1.0,) * rows, (1.0,) * COLUMNS, gap_in=(0.62, 0.5),
+        rows * (height_in + 0.6), (1.0,) * rows, (1.0,) * columns, gap_in=(0.62, 0.5),
         share_x="all" if together else "none", share_y=together,
     )  # fmt: skip
     fig, grid = sheet.axes()
     panels = [ax for row in grid for ax in row]
     for ax in panels[count:]:
         ax.remove()
+    for ax in panels[:count:columns]:
+        ax.set_ylabel(labels[1])
+    for ax in panels[:count][-columns:]:
+        ax.set_xlabel(labels[0])
     return fig, panels[:count]

@@ -52,7 +52,10 @@ def compare(
     full: Full = False,
     as_json: Json = False,
 ) -> None:
-    """Fly the paper's gust, line and circle, and a steady push, with nine controllers; writes paper.json and .html."""
+    """Fly the paper's gust, line and circle, and a steady push, with nine controllers.
+
+    Writes paper.json and .html, and the paper's figures (PDF, SVG) and tables (LaTeX) into the folder figures.
+    """
     from sim.studies import paper, paper_page
     from sim.studies.experiments import CONTROLLERS
     from sim.studies.runner import Runner
@@ -69,6 +72,7 @@ def compare(
     if as_json:
         print(comparison.to_json())
     runner.write(out, {"paper.json": comparison.to_json() + "\n", "paper.html": paper_page.html(comparison)})
+    paper_page.publish(comparison, out / "figures")
 
 
 def robust(

@@ -1,6 +1,7 @@
 """The comparison for people: tables for terminal and Markdown; a page with the counterparts of Figures 5 to 7."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from rich import box
 from rich.table import Table
@@ -10,8 +11,15 @@ from analysis.page import Section
 from analysis.plots import paper as figures
 from analysis.plots import style
 from analysis.plots.paper import NAMES, Traces
+from analysis.plots.style import Drawing, Missing
+from analysis.publish import save, tabular
+from formation.control.gains import SlidingGains
+from formation.control.presets import PAPER_CFC, PAPER_ISTSMC, PAPER_SMC
+from formation.vehicle.body import GRAVITY_M_S2
+from formation.vehicle.profile import PAPER_40G_PRINTED
 from sim.studies.experiments import Experiment
 from sim.studies.paper import REPORTED, SHIPPED, Comparison, Figures, Mismatched
+from wire.files import make_folder
 
 COLUMNS = (
     ("gust_mean_dev_m", "gust: mean of largest, mm", 1e3, 1),
@@ -86,19 +94,68 @@ def html(comparison: Comparison) -> str:
     """The page."""
     rows = [(NAMES[name], *_cells(name, numbers)) for name, numbers in comparison.controllers.items()]
     table = page.table(["controller", *(f"#{heading}" for _, heading, _, _ in COLUMNS)], rows)
+    gust, *formed = drawings(comparison).values()
+    sections = [
+        Section("table", "Controllers in one loop", explained(comparison), parts=(table,)),
+        *_mismatch_section(comparison),
+        Section("gust", "Gust (Figure 5)", "Deviation from hover in the swept fan.", (gust,)),
+        Section("line", "Line (Figure 6)", "", formed[:2]),
+        Section("circle", "Circle (Figure 7)", "", formed[2:]),
+    ]
+    title = "The paper's experiments"
+    return page.render(title=title, kind="Controllers compared", heading=title, facts="", sections=sections)
+
+
+def drawings(comparison: Comparison) -> dict[str, Drawing]:
+    """The paper's figures, by what their files are called."""
     gust, line, circle = (
         _traces(comparison, experiment) for experiment in (Experiment.GUST, Experiment.LINE, Experiment.CIRCLE)
     )
     with style.styled():
-        sections = [
-            Section("table", "Controllers in one loop", explained(comparison), parts=(table,)),
-            *_mismatch_section(comparison),
-            Section("gust", "Gust (Figure 5)", "Deviation from hover in the swept fan.", (figures.gust(gust),)),
-            Section("line", "Line (Figure 6)", "", (figures.formation(line), figures.deviations(line))),
-            Section("circle", "Circle (Figure 7)", "", (figures.formation(circle), figures.deviations(circle))),
-        ]
-    title = "The paper's experiments"
-    return page.render(title=title, kind="Controllers compared", heading=title, facts="", sections=sections)
+        return {
+            "figure-5": figures.gust(gust),
+            "figure-6": figures.formation(line),
+            "figure-6-error": figures.deviations(line),
+            "figure-7": figures.formation(circle),
+            "figure-7-error": figures.deviations(circle),
+        }
+
+
+def publish(comparison: Comparison, folder: Path) -> None:
+    """Write the figures (PDF, SVG) and the tables (LaTeX) into a folder, which is made; OSError."""
+    make_folder(folder)
+    for name, drawing in drawings(comparison).items():
+        if not isinstance(drawing, Missing):
+            save(drawing, folder / name)
+    cells = zip(*(_cells(name, numbers) for name, numbers in comparison.controllers.items()), strict=True)
+    rows = [(heading, *row) for (_, heading, _, _), row in zip(COLUMNS, cells, strict=True)]
+    tables = {
+        "table-1": tabular(("parameter", "value"), _table_1()),
+        "table-2": tabular(("law", "parameters"), _table_2()),
+        "results": tabular(("", *(NAMES[name] for name in comparison.controllers)), rows),
+    }
+    for name, text in tables.items():
+        (folder / f"{name}.tex").write_text(text, encoding="utf-8")
+
+
+def _table_1() -> Iterator[tuple[str, str]]:
+    """The vehicle as printed."""
+    vehicle = PAPER_40G_PRINTED
+    yield "mass, kg", f"{vehicle.mass_kg:g}"
+    yield "gravity, m/s²", f"{GRAVITY_M_S2:g}"
+    for axis, inertia in zip(("xx", "yy", "zz"), vehicle.inertia_kg_m2, strict=True):
+        yield f"J{axis}, kg m²", f"{inertia:.4g}"
+    yield "wheelbase, m", f"{vehicle.wheelbase_m:g}"
+
+
+def _table_2() -> Iterator[tuple[str, str]]:
+    """The gains as printed."""
+    smc, istsmc, observer = PAPER_SMC.follower, PAPER_ISTSMC.follower, PAPER_CFC.observer
+    assert isinstance(smc, SlidingGains)
+    assert isinstance(istsmc, SlidingGains)
+    yield "SMC", f"c = {smc.c:g}, k = {smc.k:g}"
+    yield "ISTSMC", f"c = {istsmc.c:g}, p1 = {istsmc.p1:g}, p2 = {istsmc.p2:g}, ε = {istsmc.eps:g}"
+    yield "FTESO", f"ω = {observer.bandwidth_rad_s:g} rad/s, α = {observer.alpha:.3g}"
 
 
 def explained(comparison: Comparison) -> str:

@@ -18,6 +18,7 @@ from analysis.load import Flight, load
 from analysis.metrics import Summary, summarise
 from analysis.plots import style
 from analysis.plots.motion import paths_m
+from analysis.quantity import FLIGHT
 from analysis.tracking import track
 from formation.messages import Phase
 from wire import version
@@ -28,14 +29,6 @@ COLUMN_MM, MM_IN, TALL = 88.9, 25.4, 0.62
 TRUE_TYPE = 42
 """Fonts as journals take them; Matplotlib's own choice, Type 3, many reject."""
 LOG = "flight.mcap"
-FIGURES: tuple[tuple[str, str, str, float], ...] = (
-    ("formation_rms_m", "Rms", "RMS, mm", 1e3),
-    ("formation_max_m", "Max", "largest, mm", 1e3),
-    ("vibration_m", "Vibration", "vibration, mm", 1e3),
-    ("altitude_rms_m", "Height", "height RMS, mm", 1e3),
-    ("min_separation_m", "Separation", "least separation, mm", 1e3),
-)
-"""Field of the summary, its word in the commands, heading, factor."""
 DIGITS = ("Zero", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 SPECIAL = re.compile(r"[\\{}$&#^_~%]")
 
@@ -85,8 +78,8 @@ def write(flights: Sequence[Shown], folder: Path, width_mm: float = COLUMN_MM) -
 
 def table(flights: Iterable[Shown]) -> str:
     """A row a flight, for booktabs."""
-    head = ("flight", *(heading for _, _, heading, _ in FIGURES))
-    return tabular(head, [(each.name, *(text or "--" for text in _values(each))) for each in flights])
+    head = ("flight", *(quantity.heading for quantity in FLIGHT))
+    return tabular(head, [(each.name, *(quantity.of(each.summary) for quantity in FLIGHT)) for each in flights])
 
 
 def tabular(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
@@ -99,10 +92,10 @@ def tabular(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def numbers(flights: Iterable[Shown]) -> str:
     """Each number of each flight as a command, in millimetres."""
     return "".join(
-        f"\\newcommand{{\\{each.command}{word}}}{{{text}}}\n"
+        f"\\newcommand{{\\{each.command}{quantity.name.title().replace(' ', '')}}}{{{quantity.of(each.summary)}}}\n"
         for each in flights
-        for (_, word, _, _), text in zip(FIGURES, _values(each), strict=True)
-        if text
+        for quantity in FLIGHT
+        if getattr(each.summary, quantity.field) is not None
     )
 
 
@@ -127,12 +120,6 @@ def citation(flights: Sequence[Shown]) -> str:
         "  - name: The mavlink-formation authors",
     )
     return "\n".join(lines) + "\n"
-
-
-def _values(each: Shown) -> Iterator[str]:
-    for field, _, _, factor in FIGURES:
-        value = getattr(each.summary, field)
-        yield "" if value is None else f"{factor * value:.3g}"
 
 
 def _facts(each: Shown) -> Iterator[str]:

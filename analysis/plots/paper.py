@@ -142,7 +142,7 @@ def formation(traces: Traces) -> Drawing:
         ax.set_aspect("equal", adjustable="box")
     for ax in panels:
         ax.apply_aspect()
-        style.place_y_label(fig, ax)
+        style.align_y_label(fig, ax)
     return fig
 
 

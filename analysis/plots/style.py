@@ -99,11 +99,11 @@ class Sheet:
         }
         grid = fig.subplots(rows, columns, squeeze=False, sharex=self.share_x, sharey=self.share_y, gridspec_kw=margins)
         for ax in grid.ravel():
-            place_y_label(fig, ax)
+            align_y_label(fig, ax)
         return fig, [list(row) for row in grid]
 
 
-def place_y_label(fig: Figure, ax: Axes) -> None:
+def align_y_label(fig: Figure, ax: Axes) -> None:
     """Put the name of y as far left of the axes as the margin is wide."""
     label_in = MARGINS_IN[0] - 0.17
     ax.yaxis.set_label_coords(-label_in / (ax.get_position().width * fig.get_figwidth()), 0.5)

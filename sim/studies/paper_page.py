@@ -1,6 +1,7 @@
 """The comparison for people: tables for terminal and Markdown; a page with the counterparts of Figures 5 to 7."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from rich import box
@@ -13,6 +14,7 @@ from analysis.plots import style
 from analysis.plots.paper import NAMES, Traces
 from analysis.plots.style import Drawing, Missing
 from analysis.publish import save, tabular
+from analysis.quantity import Quantity
 from formation.control.gains import SlidingGains
 from formation.control.presets import PAPER_CFC, PAPER_ISTSMC, PAPER_SMC
 from formation.vehicle.body import GRAVITY_M_S2
@@ -22,81 +24,68 @@ from sim.studies.paper import REPORTED, SHIPPED, Comparison, Figures, Mismatched
 from wire.files import make_folder
 
 COLUMNS = (
-    ("gust_mean_dev_m", "gust: mean of largest, mm", 1e3, 1),
-    ("gust_max_dev_m", "gust: largest, mm", 1e3, 1),
-    ("gust_settle_s", "gust: settling, s", 1.0, 2),
-    ("gust_z3_share", "gust: Z3 error, % of push", 1e2, 1),
-    ("line_vibration_m", "line: vibration, mm", 1e3, 2),
-    ("line_rms_m", "line: RMS, mm", 1e3, 2),
-    ("circle_vibration_m", "circle: vibration, mm", 1e3, 2),
-    ("circle_rms_m", "circle: RMS, mm", 1e3, 2),
-    ("chatter_deg", "chatter, °", 1.0, 2),
-    ("push_swing_deg", "push: swing, °", 1.0, 2),
-    ("push_settle_s", "push: settling, s", 1.0, 2),
-    ("push_deviation_m", "push: largest, mm", 1e3, 0),
+    Quantity("gust_mean_dev_m", "gust: mean of largest", "mm", ".1f"),
+    Quantity("gust_max_dev_m", "gust: largest", "mm", ".1f"),
+    Quantity("gust_settle_s", "gust: settling", "s", ".2f"),
+    Quantity("gust_z3_share", "gust: Z3 error", "% of push", ".1f"),
+    Quantity("line_vibration_m", "line: vibration", "mm", ".2f"),
+    Quantity("line_rms_m", "line: RMS", "mm", ".2f"),
+    Quantity("circle_vibration_m", "circle: vibration", "mm", ".2f"),
+    Quantity("circle_rms_m", "circle: RMS", "mm", ".2f"),
+    Quantity("chatter_deg", "chatter", "°", ".2f"),
+    Quantity("push_swing_deg", "push: swing", "°", ".2f"),
+    Quantity("push_settle_s", "push: settling", "s", ".2f"),
+    Quantity("push_deviation_m", "push: largest", "mm", ".0f"),
 )
-"""Field of `Figures`, heading, factor, digits."""
-MISMATCH_COLUMNS = tuple(column for column in COLUMNS if column[0] in Mismatched.__dataclass_fields__)
+MISMATCH_COLUMNS = tuple(column for column in COLUMNS if column.field in Mismatched.__dataclass_fields__)
 NOMINAL = "as believed"
 ABREAST = 4
 """Controllers beside each other on a terminal of eighty characters."""
+Cells = list[tuple[str, ...]]
+"""A table of texts, its head first."""
 
 
 def console_tables(comparison: Comparison) -> list[Table]:
     """The comparison for a terminal of eighty characters: a controller a column, and the mismatches a row each."""
-    names = list(comparison.controllers)
     tables: list[Table] = []
-    for first in range(0, len(names), ABREAST):
-        abreast = names[first : first + ABREAST]
+    for first in range(1, len(comparison.controllers) + 1, ABREAST):
+        turned = zip(*_controllers(comparison), strict=True)
+        (_, *names), *rows = ((row[0], *row[first : first + ABREAST]) for row in turned)
         table = Table(title=None if tables else explained(comparison), box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
         table.add_column("", no_wrap=True)
-        for name in abreast:
-            table.add_column(NAMES[name], justify="right", min_width=max(map(len, NAMES[name].split())))
-        cells = zip(*(_cells(name, comparison.controllers[name]) for name in abreast), strict=True)
-        for (_, heading, _, _), row in zip(COLUMNS, cells, strict=True):
-            table.add_row(heading, *row)
+        for name in names:
+            table.add_column(name, justify="right", min_width=max(map(len, name.split())))
+        for row in rows:
+            table.add_row(*row)
         tables.append(table)
     if comparison.mismatches:
+        (_, *head), *rows = _vehicles(comparison)
         table = Table(title=f"{NAMES[SHIPPED]}, on a vehicle that is not as believed", box=box.SIMPLE_HEAD)
-        for heading in ("", *(heading for _, heading, _, _ in MISMATCH_COLUMNS)):
-            table.add_column(heading, justify="right" if heading else "left")
-        for name, numbers in _mismatches(comparison).items():
-            table.add_row(name, *(_text(numbers, column) for column in MISMATCH_COLUMNS))
+        table.add_column("")
+        for heading in head:
+            table.add_column(heading, justify="right")
+        for row in rows:
+            table.add_row(*row)
         tables.append(table)
     return tables
 
 
 def markdown(comparison: Comparison) -> str:
-    """The table of controllers for a document."""
-    rows = [
-        (f"**{NAMES[name]}**" if name == SHIPPED else NAMES[name], *_cells(name, numbers))
-        for name, numbers in comparison.controllers.items()
-    ]
-    return _markdown(("controller", *(heading for _, heading, _, _ in COLUMNS)), rows)
-
-
-def mismatch_markdown(comparison: Comparison) -> str:
-    """The table of mismatches for a document."""
-    rows = [
-        (name, *(_text(numbers, column) for column in MISMATCH_COLUMNS))
-        for name, numbers in _mismatches(comparison).items()
-    ]
-    return _markdown(("vehicle", *(heading for _, heading, _, _ in MISMATCH_COLUMNS)), rows)
-
-
-def _markdown(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, *rows)).replace(
-        "\n", "\n|" + "---|" * len(head) + "\n", 1
-    )
+    """The tables of controllers and mismatches for a document."""
+    texts = []
+    for head, *rows in (_controllers(comparison), _vehicles(comparison)):
+        lines = (head, ("---",) * len(head), *rows)
+        texts.append("\n".join(f"| {' | '.join(cells)} |" for cells in lines))
+    return "\n\n".join(texts).replace(f"| {NAMES[SHIPPED]} |", f"| **{NAMES[SHIPPED]}** |")
 
 
 def html(comparison: Comparison) -> str:
     """The page."""
-    rows = [(NAMES[name], *_cells(name, numbers)) for name, numbers in comparison.controllers.items()]
-    table = page.table(["controller", *(f"#{heading}" for _, heading, _, _ in COLUMNS)], rows)
     gust, *formed = drawings(comparison).values()
     sections = [
-        Section("table", "Controllers in one loop", explained(comparison), parts=(table,)),
+        Section(
+            "table", "Controllers in one loop", explained(comparison), parts=(_page_table(_controllers(comparison)),)
+        ),
         *_mismatch_section(comparison),
         Section("gust", "Gust (Figure 5)", "Deviation from hover in the swept fan.", (gust,)),
         Section("line", "Line (Figure 6)", "", formed[:2]),
@@ -127,12 +116,11 @@ def publish(comparison: Comparison, folder: Path) -> None:
     for name, drawing in drawings(comparison).items():
         if not isinstance(drawing, Missing):
             save(drawing, folder / name)
-    cells = zip(*(_cells(name, numbers) for name, numbers in comparison.controllers.items()), strict=True)
-    rows = [(heading, *row) for (_, heading, _, _), row in zip(COLUMNS, cells, strict=True)]
+    head, *rows = zip(*_controllers(comparison), strict=True)
     tables = {
         "table-1": tabular(("parameter", "value"), _table_1()),
         "table-2": tabular(("law", "parameters"), _table_2()),
-        "results": tabular(("", *(NAMES[name] for name in comparison.controllers)), rows),
+        "results": tabular(head, rows),
     }
     for name, text in tables.items():
         (folder / f"{name}.tex").write_text(text, encoding="utf-8")
@@ -167,39 +155,37 @@ def explained(comparison: Comparison) -> str:
     )
 
 
-def _mismatches(comparison: Comparison) -> Mapping[str, Figures | Mismatched]:
-    """The vehicle as believed first."""
+def _controllers(comparison: Comparison) -> Cells:
+    """A controller a row: our medians and, in brackets, what the paper reports."""
+    head = ("controller", *(column.heading for column in COLUMNS))
+    return [head, *((NAMES[name], *_cells(name, numbers)) for name, numbers in comparison.controllers.items())]
+
+
+def _vehicles(comparison: Comparison) -> Cells:
+    """A vehicle a row, the one as believed first."""
     shipped = comparison.controllers.get(SHIPPED)
-    return {**({} if shipped is None else {NOMINAL: shipped}), **comparison.mismatches}
+    flown = {**({} if shipped is None else {NOMINAL: shipped}), **comparison.mismatches}
+    head = ("vehicle", *(column.heading for column in MISMATCH_COLUMNS))
+    return [head, *((name, *(column.of(of) for column in MISMATCH_COLUMNS)) for name, of in flown.items())]
+
+
+def _page_table(cells: Cells) -> page.Table | None:
+    (first, *numbers), *rows = cells
+    return page.table((first, *(f"#{heading}" for heading in numbers)), rows)
 
 
 def _mismatch_section(comparison: Comparison) -> list[Section]:
     if not comparison.mismatches:
         return []
-    rows = [
-        (name, *(_text(numbers, column) for column in MISMATCH_COLUMNS))
-        for name, numbers in _mismatches(comparison).items()
-    ]
-    head = ["vehicle", *(f"#{heading}" for _, heading, _, _ in MISMATCH_COLUMNS)]
     lead = f"{NAMES[SHIPPED]}, in the gust on a vehicle that is not as it believes."
-    return [Section("mismatch", "Other vehicles than believed", lead, parts=(page.table(head, rows),))]
+    return [Section("mismatch", "Other vehicles than believed", lead, parts=(_page_table(_vehicles(comparison)),))]
 
 
-def _cells(name: str, numbers: Figures) -> list[str]:
-    """One row of the table: our median and, where the paper reports one, its figure in brackets."""
-    texts = []
+def _cells(name: str, numbers: Figures) -> Iterator[str]:
     for column in COLUMNS:
-        field, _, factor, _ = column
-        reported = REPORTED.get(name, {}).get(field)
-        text = _text(numbers, column)
-        texts.append(text if reported is None else f"{text} ({factor * reported:g})")
-    return texts
-
-
-def _text(numbers: Figures | Mismatched, column: tuple[str, str, float, int]) -> str:
-    field, _, factor, digits = column
-    value: float | None = getattr(numbers, field)
-    return "-" if value is None else f"{factor * value:.{digits}f}"
+        reported = REPORTED.get(name, {}).get(column.field)
+        brackets = "" if reported is None else f" ({replace(column, form='g').text(reported)})"
+        yield column.of(numbers) + brackets
 
 
 def _traces(comparison: Comparison, experiment: Experiment) -> Traces:

@@ -12,25 +12,19 @@ from analysis import compare, page
 from analysis.page import Section, render
 from analysis.plots import style
 from analysis.plots.style import Drawing
+from analysis.quantity import FLIGHT, Quantity
 from formation.codes import GOOD_RESULTS
 from formation.messages import Phase
 from sim.studies.recorded import GUST_S
 from sim.studies.whatif import COMES_BACK, Trust, WhatIf, disturbance, spectrum
 
-NAMES = {
-    "formation_rms_m": "RMS, mm",
-    "formation_max_m": "largest, mm",
-    "settle_s": "beyond 1 cm, mean s",
-    "vibration_m": "vibration, mm",
-    "altitude_rms_m": "height RMS, mm",
-    "min_separation_m": "least separation, mm",
-}
-COMMANDED = {
-    "tilt_deg": "tilt, largest, degrees",
-    "thrust_norm": "thrust, largest",
-    "speed_m_s": "speed, largest, m/s",
-    "chatter_deg": "chatter, degrees a frame",
-}
+QUANTITIES = (*FLIGHT, Quantity("settle_s", "beyond 1 cm, mean", "s"))
+COMMANDED = (
+    Quantity("tilt_deg", "tilt, largest", "°"),
+    Quantity("thrust_norm", "thrust, largest", "0..1"),
+    Quantity("speed_m_s", "speed, largest", "m/s"),
+    Quantity("chatter_deg", "chatter", "° a frame"),
+)
 LEAST_HZ, MOST_HZ = 0.1, 50.0
 
 
@@ -101,9 +95,8 @@ def html(of: WhatIf) -> str:
 
 
 def _rows(of: WhatIf) -> Iterator[tuple[str, ...]]:
-    for key, name in NAMES.items():
-        factor = 1e3 if key.endswith("_m") else 1.0
-        yield name, *("–" if (value := each[key]) is None else f"{factor * value:.3g}" for each in of.figures)
+    for quantity in QUANTITIES:
+        yield quantity.heading, *(quantity.text(each[quantity.field]) for each in of.figures)
 
 
 def _table(of: WhatIf) -> page.Table | None:
@@ -112,9 +105,9 @@ def _table(of: WhatIf) -> page.Table | None:
 
 def _commands(of: WhatIf) -> page.Table | None:
     rows = [
-        (trust.body, name, *(f"{getattr(each, key):.3g}" for each in (trust.recorded, trust.other)))
+        (trust.body, quantity.heading, quantity.of(trust.recorded), quantity.of(trust.other))
         for trust in of.trust
-        for key, name in COMMANDED.items()
+        for quantity in COMMANDED
     ]
     return page.table(("follower", "", f"#{of.recorded.name}", f"#{of.other.name}"), rows)
 

@@ -599,7 +599,7 @@ def results(vehicle: str) -> str:
     from sim.studies import paper, paper_page
 
     flown = paper.from_json((ROOT / "docs" / "paper" / f"{vehicle}.json").read_text(encoding="utf-8"))
-    return f"{paper_page.markdown(flown)}\n\n{paper_page.mismatch_markdown(flown)}"
+    return paper_page.markdown(flown)
 
 
 def version(_: str = "") -> str:

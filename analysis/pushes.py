@@ -42,7 +42,7 @@ def _pieces(flight: Flight, index: int) -> Iterator[tuple[float, float, Flown]]:
     for span in flight.spans(Phase.FORMATION):
         for begin_s in np.arange(span.start_s, span.end_s, PIECE_S).tolist():
             end_s = min(begin_s + PIECE_S, span.end_s)
-            inside = (t_s >= begin_s - 2.0 * CALM_S) & (t_s <= end_s + 2.0 * CALM_S)
+            inside = (t_s >= begin_s - 2.0 * CALM_S) & (t_s <= min(end_s + 2.0 * CALM_S, span.end_s))
             if off[inside].any():
                 rows = at[inside]
                 yield (

@@ -72,15 +72,15 @@ class Flown:
 
 
 def pushes(flown: Flown, profile: VehicleProfile, pose_delay_s: float, tilt_rad: float) -> list[Push]:
-    """Every push that peaks after the first CALM_S and before the last, in order of time.
+    """Every push that peaks after the first CALM_S and before the last, in order of time; none where it turned over.
 
     pose_delay_s: of the cameras, capture to receipt by the ground; tilt_rad: the lab's limit.
     """
-    if len(flown.t_s) <= DIFFERENCES or flown.t_s[-1] - flown.t_s[0] <= 2.0 * CALM_S:
+    up = frames.rotate(flown.q_lab_from_flu, np.broadcast_to(np.array([0.0, 0.0, 1.0]), (len(flown.t_s), 3)))
+    if len(up) <= DIFFERENCES or flown.t_s[-1] - flown.t_s[0] <= 2.0 * CALM_S or up[:, 2].min() <= 0.0:
         return []
     loop = attitude_loop(profile, pose_delay_s, tilt_rad)
     count, span = round(CALM_S / float(np.median(np.diff(flown.t_s)))), round(CALM_S / STEP_S)
-    up = frames.rotate(flown.q_lab_from_flu, np.broadcast_to(np.array([0.0, 0.0, 1.0]), (len(flown.t_s), 3)))
     disturbance, own = _disturbance(flown, up, profile.drag_1_s[:2])
     calm = np.median(sliding_window_view(disturbance, count, axis=0)[: -count - 1], axis=-1)
     height = np.linalg.norm(disturbance[count : count + len(calm)] - calm, axis=1)

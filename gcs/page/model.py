@@ -87,8 +87,8 @@ class Model:
             if now_ns - self._start_ns > START_NS:
                 self._start_ns = now_ns
                 self.start = start(state, self.config) if state.phase is Phase.HOLD else None
-            self.pushes.receive_errors(_errors_lab_m(state), now_ns)
         self.state, self._state_ns, self._lost = state, now_ns, False
+        self.pushes.receive_errors(_errors_lab_m(state), now_ns)
 
     def receive_mocap_state(self, state: dict[str, Any], now_ns: int) -> None:
         """Receive the mocap process's published state; ValueError for another version's."""

@@ -24,7 +24,7 @@ class PushFinder:
     def __init__(self, config: LabConfig) -> None:
         self.newest: tuple[str, Push] | None = None
         """Whose, and how it was met."""
-        self._config = config
+        self._config, self._bodies = config, tuple(vehicle.body for vehicle in config.vehicles)
         self._frames: deque[LabFrame] = deque()
         self._errors: deque[tuple[int, Mapping[str, Float]]] = deque()
         self._searched_ns = 0
@@ -32,8 +32,9 @@ class PushFinder:
         """Until when the pushes of each are known."""
 
     def receive_frame(self, frame: LabFrame) -> None:
-        """Receive what the cameras saw; an older frame than the last is left out."""
-        if not self._frames or frame.t_capture_ns > self._frames[-1].t_capture_ns:
+        """Receive what the cameras saw; a frame that is older than the last, or of other bodies, is left out."""
+        newer = not self._frames or frame.t_capture_ns > self._frames[-1].t_capture_ns
+        if newer and frame.bodies == self._bodies:
             self._frames.append(frame)
             while self._frames[0].t_capture_ns < frame.t_capture_ns - WINDOW_NS:
                 self._frames.popleft()
@@ -53,7 +54,7 @@ class PushFinder:
         return [float(np.linalg.norm(errors[body][:2])) for _, errors in self._errors if body in errors]
 
     def _search(self, body: str) -> None:
-        index = [vehicle.body for vehicle in self._config.vehicles].index(body)
+        index = self._bodies.index(body)
         known = [(t_ns, errors[body]) for t_ns, errors in self._errors if body in errors]
         frames = [
             frame for frame in self._frames if frame.seen[index] and known[0][0] <= frame.t_capture_ns <= known[-1][0]

@@ -1,5 +1,7 @@
 """Pushes found in flights against what the simulator pushed with."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,3 +58,10 @@ def test_a_push_that_stays_is_one_and_its_drone_tilted_past_the_limit() -> None:
     page = html(flight, summarise(flight))
     assert f">{1e3 * push.by_attitude_m:.3g}</td>" in page
     assert f">{1e3 * push.flown_m:.3g}</td>" in page
+
+
+def test_a_drone_that_turned_over_was_not_pushed() -> None:
+    _, flight = host.fly(scenario_of(Job("cfc", Experiment.PUSH, 1)), 1)
+    q = flight.poses.q_lab_from_flu.copy()
+    q[1500:1520] = (0.0, 1.0, 0.0, 0.0)
+    assert pushes.found(replace(flight, poses=replace(flight.poses, q_lab_from_flu=q))) == []

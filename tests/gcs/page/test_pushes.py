@@ -41,9 +41,14 @@ def test_each_push_is_shown_within_three_seconds_as_in_the_report() -> None:
         assert possible_mm == pytest.approx(1e3 * push.by_attitude_m, rel=0.5)
 
 
-def test_nothing_is_shown_of_a_flight_without_pushes() -> None:
-    _, flight = host.fly(scenario_of(Job("cfc", Experiment.LINE, 1)), 1)
-    finder = PushFinder(scenario_of(Job("cfc", Experiment.LINE, 1)).lab)
-    for t_s in flight.poses.t_s.tolist()[::10]:
-        finder.receive_errors({flight.vehicles[1].body: np.array([0.002, 0.0, 0.0])}, round(1e9 * t_s))
-    assert finder.newest is None
+def test_nothing_is_shown_of_drones_at_their_places_nor_of_frames_of_others() -> None:
+    lab = scenario_of(Job("cfc", Experiment.GUST, 1)).lab
+    bodies = tuple(vehicle.body for vehicle in lab.vehicles)
+    for off_m, named in ((0.002, bodies), (0.2, bodies[:1])):
+        finder = PushFinder(lab)
+        for k in range(1000):
+            pos, q = np.zeros((len(named), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(named), 1))
+            finder.receive_frame(LabFrame(k, k * 10_000_000, named, pos, q, np.ones(len(named), np.bool_)))
+            if k % 10 == 0:
+                finder.receive_errors({bodies[1]: np.array([off_m, 0.0, 0.0])}, k * 10_000_000)
+        assert finder.newest is None

@@ -1,19 +1,24 @@
 """`gcs-sim tune PROFILE --gains PRESET`, or `--law FILE.py`: the gains of a law, each by itself, found by flying.
 
-The same compass search, flights, costs and effort as for the scales of a vehicle's loops (sim.studies.tune), whatever
-the law, so that laws can be compared each with the gains that it flies best with.
+The same compass search, costs and effort whatever the law, so that laws can be compared each with the gains that it
+flies best with. It flies where no law is judged (sim.studies.tune.practice). A candidate that costs too much already
+flies no further.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import islice, product
+from itertools import product
+from typing import Any
+
+import numpy as np
 
 from formation.control.gains import CascadeGains, Gains, GeometricGains, SlidingGains
 from formation.control.presets import Preset, preset_for
+from sim.studies.experiments import Experiment
 from sim.studies.laws import ChosenLaw
 from sim.studies.runner import Runner
-from sim.studies.tune import EXPERIMENTS, Flight, Task, compass, fly
+from sim.studies.tune import BETTER, Flight, Task, compass, fly
 
 SEARCHED: dict[type[Gains], tuple[str, ...]] = {
     SlidingGains: ("c", "p1", "p2", "smooth_m_s"),
@@ -21,16 +26,20 @@ SEARCHED: dict[type[Gains], tuple[str, ...]] = {
     GeometricGains: ("kx", "kv", "ki", "mix"),
 }
 """The gains that are moved; the observer's bandwidth is one more."""
-EACH = tuple(product(EXPERIMENTS, (False, True)))
-"""What each candidate flies: every experiment, with the vehicle as believed and not."""
+EACH = ((Experiment.CIRCLE, True), (Experiment.CIRCLE, False), (Experiment.GUST, False), (Experiment.PUSH, True))
+"""What each candidate flies: an experiment, and whether with a vehicle that is not as believed."""
+LAW_FLIGHTS = 120
+"""With so many flights or more behind it, the search for an own law's options begins no new round."""
+LAW_STEPS = (1.6, 1.25, 1.1)
 
 
 @dataclass(frozen=True, slots=True)
 class TriedLaw:
-    """An own law with its options, and what it costs."""
+    """An own law with its options, what it costs, infinite where it was given up, and how many flights that took."""
 
     law: ChosenLaw
     cost: float
+    flights: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +55,7 @@ def search(task: Task, name: str, runner: Runner, better: Callable[[Tried], None
     first = judge(task, [preset_for(name, task.profile, task.mocap)], runner)[0]
 
     def neighbours_of(tried: Tried, step: float) -> list[Tried]:
-        return judge(task, list(neighbours(tried.gains, step)), runner)
+        return judge(task, list(neighbours(tried.gains, step)), runner, BETTER * tried.cost)
 
     return compass(first, neighbours_of, better)
 
@@ -63,38 +72,64 @@ def neighbours(gains: Preset, step: float) -> Iterator[Preset]:
 def search_law(task: Task, law: ChosenLaw, runner: Runner, better: Callable[[TriedLaw], None]) -> TriedLaw:
     """The best options found from an own law's own on; ValueError where there is no such law."""
     first = judge_laws(task, [replace(law, law=tuple(law.options().items()))], runner)[0]
+    flown = first.flights
 
     def neighbours_of(tried: TriedLaw, step: float) -> list[TriedLaw]:
-        return judge_laws(task, list(neighbouring_laws(tried.law, step)), runner)
+        nonlocal flown
+        if flown >= LAW_FLIGHTS:
+            return []
+        found = judge_laws(task, list(neighbouring_laws(tried.law, step)), runner, BETTER * tried.cost)
+        found += judge_laws(task, together(tried, found), runner, min((each.cost for each in found), default=0.0))
+        flown += sum(each.flights for each in found)
+        return found
 
-    return compass(first, neighbours_of, better)
+    return compass(first, neighbours_of, better, LAW_STEPS)
+
+
+def together(tried: TriedLaw, neighbours: Sequence[TriedLaw]) -> list[ChosenLaw]:
+    """The law with every option as the best of its better neighbours has it, where several options are better so."""
+    options = dict(tried.law.law)
+    better = sorted((each for each in neighbours if each.cost < tried.cost), key=lambda each: -each.cost)
+    changed = {key: value for each in better for key, value in each.law.law if value != options[key]}
+    return list(_makeable([replace(tried.law, law=tuple((options | changed).items()))])) if len(changed) > 1 else []
 
 
 def neighbouring_laws(law: ChosenLaw, step: float) -> Iterator[ChosenLaw]:
     """The laws with one option a step up or down, as far as they can be made so."""
     options = dict(law.law)
-    for key, by in product(options, (step, 1.0 / step)):
-        tried = replace(law, law=tuple((options | {key: by * options[key]}).items()))
+    return _makeable(
+        [replace(law, law=tuple((options | {key: by * options[key]}).items()))
+         for key, by in product(options, (step, 1.0 / step))]
+    )  # fmt: skip
+
+
+def _makeable(laws: Sequence[ChosenLaw]) -> Iterator[ChosenLaw]:
+    for law in laws:
         with suppress(ValueError):
-            tried.maker()
-            yield tried
+            law.maker()
+            yield law
 
 
-def judge_laws(task: Task, laws: list[ChosenLaw], runner: Runner) -> list[TriedLaw]:
-    """Fly and cost each."""
-    scale = task.profile.gain_scale
-    flights = [[Flight(task, scale, e, off, law=law) for e, off in EACH] for law in laws]
-    return [TriedLaw(law, cost) for law, cost in zip(laws, _costs(flights, runner), strict=True)]
+def judge_laws(task: Task, laws: list[ChosenLaw], runner: Runner, worth: float = np.inf) -> list[TriedLaw]:
+    """Fly and cost each, none further than until it costs `worth`."""
+    costs, flown = _costs(task, [{"law": law} for law in laws], runner, worth)
+    return [TriedLaw(*each) for each in zip(laws, costs, flown, strict=True)]
 
 
-def judge(task: Task, presets: list[Preset], runner: Runner) -> list[Tried]:
-    """Fly and cost each."""
-    scale = task.profile.gain_scale
-    flights = [[Flight(task, scale, e, off, gains) for e, off in EACH] for gains in presets]
-    return [Tried(gains, cost) for gains, cost in zip(presets, _costs(flights, runner), strict=True)]
+def judge(task: Task, presets: list[Preset], runner: Runner, worth: float = np.inf) -> list[Tried]:
+    """Fly and cost each, none further than until it costs `worth`."""
+    costs, _ = _costs(task, [{"gains": gains} for gains in presets], runner, worth)
+    return [Tried(gains, cost) for gains, cost in zip(presets, costs, strict=True)]
 
 
-def _costs(flights: list[list[Flight]], runner: Runner) -> list[float]:
-    """Fly them all at once; what those of each candidate cost together."""
-    costs = iter(runner.run("flights", fly, [flight for each in flights for flight in each]))
-    return [sum(islice(costs, len(each))) for each in flights]
+def _costs(
+    task: Task, flown_with: Sequence[Mapping[str, Any]], runner: Runner, worth: float
+) -> tuple[list[float], list[int]]:
+    """Fly the next of EACH with all that do not cost `worth` yet; what each costs, infinite if so much, and flights."""
+    costs, flown = np.zeros(len(flown_with)), np.zeros(len(flown_with), np.int64)
+    for experiment, off in EACH:
+        left = np.flatnonzero(costs < worth).tolist()
+        flights = [Flight(task, task.profile.gain_scale, experiment, off, practice=True, **flown_with[k]) for k in left]
+        costs[left] += runner.run("flights", fly, flights)
+        flown[left] += 1
+    return np.where(costs < worth, costs, np.inf).tolist(), flown.tolist()

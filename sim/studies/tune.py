@@ -9,17 +9,19 @@ heavier, slower and later. It is judged by deviation, formation error, chatter, 
 units of what is wanted. A candidate that the loop's delay margin does not carry is not flown.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Protocol, TypeVar
 
 import numpy as np
 
+from drone_agent.simulation.disturbance import Disturbance
 from formation.codes import GOOD_RESULTS
 from formation.config import MocapConfig
 from formation.control.margin import DelayMargin, delay_margin
 from formation.control.presets import Preset, gain_scale_of, preset_for
+from formation.trajectory_config import TrajectoryConfig
 from formation.vehicle.profile import GainScale, VehicleProfile
 from sim.scenario import Scenario, TrueVehicle, flown_by
 from sim.studies import experiments, host
@@ -39,6 +41,9 @@ WANTED_SETTLE_S, WANTED_SWING_DEG = 1.0, 0.5  # in the hardest steady push (sim.
 HEAVIER, SLOWER, LATER = 1.2, 1.3, 1.5
 BETTER = 0.99
 """A candidate must cost less than this share of the best to take its place."""
+PRACTICE_PATH = TrajectoryConfig(
+    kind="lissajous", amplitude_m=(0.5, 0.4, 0.1), cycles=(3, 2, 1), phase_rad=(0.0, 0.0, 0.0), period_s=FORMATION_S
+)
 FACTORS = ("horizontal", "observer", "vertical", "compensation")
 
 
@@ -61,7 +66,7 @@ class Task:
 @dataclass(frozen=True, slots=True)
 class Flight:
     """One flight of one candidate; off: by a vehicle that is not as believed; gains: instead of the shipped ones; law:
-    an own law, by the host of studies."""
+    an own law, by the host of studies; practice: elsewhere than where laws are judged."""
 
     task: Task
     gain_scale: GainScale | None
@@ -69,6 +74,7 @@ class Flight:
     off: bool
     gains: Preset | None = None
     law: ChosenLaw | None = None
+    practice: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +108,10 @@ Tried = TypeVar("Tried", bound=Costed)
 
 
 def compass(
-    first: Tried, neighbours_of: Callable[[Tried, float], list[Tried]], better: Callable[[Tried], None]
+    first: Tried,
+    neighbours_of: Callable[[Tried, float], list[Tried]],
+    better: Callable[[Tried], None],
+    steps: Sequence[float] = STEPS,
 ) -> Tried:
     """The best found from `first` on by compass search with decreasing steps; `better` is called with each better one.
 
@@ -110,9 +119,9 @@ def compass(
     """
     best = first
     better(best)
-    for step in STEPS:
+    for step in steps:
         for _ in range(ROUNDS_EACH):
-            found = min(neighbours_of(best, step), key=lambda candidate: candidate.cost)
+            found = min(neighbours_of(best, step), key=lambda candidate: candidate.cost, default=best)
             if found.cost >= BETTER * best.cost:
                 break
             best = found
@@ -172,6 +181,8 @@ def scenario_of(flight: Flight) -> Scenario:
     task = flight.task
     believed = task.profile.model_copy(update={"gain_scale": flight.gain_scale})
     scenario = experiments.scenario_of(Job("cfc", flight.experiment, seed=SEED, vehicle=believed))
+    if flight.practice:
+        scenario = practice(scenario, flight.experiment)
     lab = flown_by(scenario.lab, believed, PRESET).model_copy(update={"mocap": task.mocap})
     mocap = scenario.mocap.model_copy(
         update={"rate_hz": task.rate_hz, "delay_s": task.delay_s, "noise_m": task.noise_m}
@@ -192,6 +203,20 @@ def scenario_of(flight: Flight) -> Scenario:
             if v.sysid is not None
         )
     return scenario.model_copy(update=update)
+
+
+def practice(scenario: Scenario, experiment: Experiment) -> Scenario:
+    """The like of an experiment, in which no law is judged: another path for the leader, the wind from elsewhere."""
+    fan = scenario.air.fan
+    if fan is None:
+        lab = scenario.lab
+        leader = lab.leader.model_copy(update={"trajectory": PRACTICE_PATH})
+        return scenario.model_copy(update={"lab": lab.model_copy(update={"leader": leader}), "vehicles": ()})
+    x, y, z = fan.pos_lab_m
+    other: dict[str, object] = {"pos_lab_m": (y, -x, z), "heading_rad": 0.5 * np.pi}
+    if experiment is Experiment.GUST:
+        other = {"pos_lab_m": (-x, y, z), "heading_rad": 0.0, "period_s": 3.0, "phase_s": 1.25}
+    return scenario.model_copy(update={"air": Disturbance(fan=fan.model_copy(update=other))})
 
 
 def _margin(job: tuple[Task, GainScale]) -> DelayMargin:

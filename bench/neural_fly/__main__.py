@@ -13,8 +13,8 @@ from rich.table import Table
 from bench.command import FAILED, Json, Only
 from bench.neural_fly import flights
 from bench.neural_fly.flights import Job, Score
-from bench.neural_fly.recordings import METHODS, WINDS, path_of, read
 from sim.cli.studies import without_nan
+from sim.studies.neural_fly import METHODS, WINDS, path_of, read
 from sim.studies.runner import Runner
 
 

@@ -1,9 +1,6 @@
-"""The recorded figure-8 in the recorded force of its wind, flown by the whole stack.
+"""Neural-Fly's recorded figure-8 in its wind (sim.studies.neural_fly), flown by the whole stack in lockstep.
 
-A leader that no wind pushes flies the recorded reference; one follower beside it is pushed by the residual force of
-the recorded baseline flight over its mass, and judged by its distance from the reference. The article's vehicles flew,
-ours is simulated. A replayed force does not react to our motion, and it holds whatever their thrust model missed, with
-the noise of its differentiation.
+The pushed follower is judged by its distance from the reference. The article's vehicles flew, ours is simulated.
 """
 
 from collections.abc import Sequence
@@ -14,58 +11,32 @@ import numpy as np
 
 from analysis.load import from_records
 from analysis.tracking import reference_lab_m
-from bench.neural_fly.recordings import PUSHED_BY, SETTLED_S, WINDS, Recording, path_of, read
 from drone_agent.guard.position import LoopSetpoint
 from drone_agent.simulation.attitude_loop import OWN, WHOLE_MOTORS, Physics, advance
-from formation.config import Fence, FlightConfig, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig, LinkConfig
+from formation.config import LinkConfig
 from formation.maths.arrays import Float, Vec3
 from formation.messages import Phase, PhaseChange, Reference
 from formation.topics import Topic
-from formation.trajectory_config import TrajectoryConfig
-from formation.vehicle.profile import BatteryProfile, VehicleProfile, VehicleState
+from formation.vehicle.profile import VehicleProfile, VehicleState
 from sim import lockstep
-from sim.scenario import Pose, Scenario, TrueVehicle
+from sim.scenario import Scenario
+from sim.studies import neural_fly
 from sim.studies.experiments import CONTROLLERS, IMU_RATE_HZ
+from sim.studies.neural_fly import (
+    BESIDE_M,
+    FOLLOWER_SYSID,
+    PUSHED_BY,
+    SETTLED_S,
+    VEHICLE,
+    WINDS,
+    Recording,
+    path_of,
+    push_lab_m_s2,
+    read,
+)
 from sim.world import T0_NS
 from wire.logs.mcap_read import Entry
 
-VEHICLE = VehicleProfile(
-    name="neural_fly_2644g",
-    mass_kg=2.644,
-    inertia_kg_m2=(0.0287, 0.0287, 0.053),
-    wheelbase_m=0.5,
-    rotor_radius_m=0.127,
-    thrust_max_n=53.4,
-    thrust_curve=0.0,
-    yaw_torque_m=0.016,
-    motor_lag_s=0.04,
-    ground_effect=0.0,
-    attitude_p_1_s=8.0,
-    yaw_p_1_s=2.8,
-    rate_p_1_s=25.0,
-    rate_yaw_p_1_s=8.0,
-    rate_max_rad_s=3.8,
-    rate_yaw_max_rad_s=3.5,
-    rate_feed_forward=False,
-    command_delay_s=0.016,
-    response_dead_time_s=0.083,
-    response_lag_s=0.063,
-    thrust_dead_time_s=0.02,
-    thrust_lag_s=0.04,
-    battery=BatteryProfile(cells=6, capacity_mah=5000.0, hover_current_a=20.0),
-)
-"""What our drone is, and is believed to be.
-
-Mass: the article's. Full thrust: 0.485 of it hovers, the mean of the recorded hover throttles. Attitude answer: 146 ms
-in all, as the recorded attitudes follow theirs (0.14 to 0.16 s by flight). Thrust answer: 60 ms in all; by flight the
-recordings say 15 to 65 ms where no wind blows, and nothing where one does. Inertia as of x500, by mass. No drag: it is
-in the residual force. Assumed: rate gains and limits, battery.
-"""
-FOLLOWER_SYSID = 2
-BESIDE_M = (0.0, -2.0, 0.0)
-TILT_RAD = 0.8
-"""More than the 0.75 rad that the recorded vehicle tilted; its wind needs 0.54 to hover in."""
-RISE_S = 0.5
 SHOWN = ("cfc", "cfc_imu", "pid", "geometric")
 
 
@@ -99,7 +70,7 @@ class ReplayedWind:
         self.start_ns: int | None = None
         self._now_ns = T0_NS
         self._phase = Phase.GROUND
-        self._t_s, self._push_m_s2 = recording.t_s, recording.residual_n / VEHICLE.mass_kg
+        self._recording = recording
 
     def receive(self, message: object, t_ns: int) -> None:
         """One record of the flight."""
@@ -113,10 +84,8 @@ class ReplayedWind:
     def push_lab_m_s2(self) -> Vec3:
         """The push now; none before the trajectory begins and after the recording's end."""
         since_s = 0.0 if self.start_ns is None else (self._now_ns - self.start_ns) * 1e-9
-        if not 0.0 < since_s < self._t_s[-1]:
-            return np.zeros(3)
-        push = np.array([np.interp(since_s, self._t_s, self._push_m_s2[:, axis]) for axis in range(3)])
-        return push * min(since_s / RISE_S, 1.0)
+        push: Vec3 = push_lab_m_s2(self._recording, np.array([since_s]))[0]
+        return push
 
     def advance(
         self,
@@ -143,24 +112,11 @@ def jobs(folder: Path, controllers: Sequence[str], seed: int = 1) -> list[Job]:
 
 
 def scenario_of(job: Job, recording: Recording) -> Scenario:
-    """The figure-8 as the leader's trajectory, and the follower beside it."""
-    x, y, z = recording.reference_m[0].tolist()
-    points = tuple((t, *at, 0.0) for t, at in zip(recording.t_s.tolist(), recording.reference_m.tolist(), strict=True))
-    lab = LabConfig(
-        profiles=(VEHICLE,),
-        leader=LeaderConfig(body="leader", sysid=1, trajectory=TrajectoryConfig(kind="csv", points=points)),
-        followers=(
-            FollowerConfig(body="follower", sysid=FOLLOWER_SYSID, profile=VEHICLE.name, offset_m=BESIDE_M),
-        ),
-        control_preset=CONTROLLERS[job.controller],
-        link=LinkConfig(imu_rate_hz=IMU_RATE_HZ.get(job.controller, 0.0)),
-        flight=FlightConfig(altitude_m=z),
-        limits=LimitsConfig(
-            tilt_rad=TILT_RAD, speed_m_s=5.0, fence=Fence(low_m=(-4.0, -5.0, -0.1), high_m=(4.0, 3.0, 4.5))
-        ),
-    )  # fmt: skip
-    start = TrueVehicle(sysid=1, start=Pose(pos_lab_m=(x, y, 0.0)))
-    return Scenario(name=f"neural_fly_{job.wind}", lab=lab, vehicles=(start,))
+    """The recorded figure-8 by the job's controller."""
+    scenario = neural_fly.scenario_of(recording)
+    link = LinkConfig(imu_rate_hz=IMU_RATE_HZ.get(job.controller, 0.0))
+    update = {"control_preset": CONTROLLERS[job.controller], "link": link}
+    return scenario.model_copy(update={"lab": scenario.lab.model_copy(update=update)})
 
 
 def fly(job: Job) -> Score:

@@ -232,7 +232,15 @@ def play_league(
     scene: Annotated[list[str] | None, typer.Option(help="Fly this scene alone; again for more.")] = None,
     vehicle: Annotated[list[str] | None, typer.Option(help="With this vehicle alone; again for more.")] = None,
     gains: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Options of own laws, as `gcs-sim tune --law` writes them.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.toml",
+            help="Options of own laws, as `gcs-sim tune --law` writes them; none: gains.toml beside each law's file.",
+        ),
+    ] = None,
+    neural_fly: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="In five winds, too: Neural-Fly's recordings, custom_figure8_*.csv."),
     ] = None,
     bound: Annotated[
         bool, typer.Option("--bound", help="And how much of what is possible in the gust each reaches.")
@@ -255,15 +263,18 @@ def play_league(
     runner = Runner(console)
     try:
         if check is not None:
-            _check_league(league.known_rows(check.read_text(encoding="utf-8"), str(check)), runner, console, as_json)
+            known = league.known_rows(check.read_text(encoding="utf-8"), str(check), neural_fly)
+            _check_league(known, runner, console, as_json)
             return
         flown_by = [chosen(name) for name in laws or league.BUILT_IN]
-        tuned = {} if gains is None else read_toml(gains)
-        jobs = league.rows(flown_by, tuple(scene or league.SCENES), tuple(vehicle or league.VEHICLES), tuned)
+        tuned = league.gains_beside(flown_by) if gains is None else read_toml(gains)
+        jobs = league.rows(flown_by, tuple(scene or ()), tuple(vehicle or league.VEHICLES), tuned, neural_fly)
         results = list(zip(jobs, runner.run("flights", league.fly, jobs), strict=True))
     except (OSError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
-    bound_m = league.least_m(list(dict.fromkeys(row.vehicle for row in jobs))) if bound else {}
+    bound_m = (
+        league.least_m(list(dict.fromkeys(row.vehicle for row in jobs if row.scene == league.GUST))) if bound else {}
+    )
     for table in league_page.console_tables(results, bound_m):
         console.print(table)
     text = league.to_json(results, bound_m)

@@ -48,7 +48,7 @@ from formation.own_law.flight import OwnLaws
 from formation.safety import rules
 from formation.safety.phases import Trigger, advance
 from formation.topics import Topic
-from formation.vehicle.body import GRAVITY_M_S2, NUMBERS
+from formation.vehicle.body import GRAVITY_M_S2, MASS, NUMBERS
 from formation.vehicle.profile import VehicleState, at_rest, on_ground
 from gcs.core import own_laws
 from gcs.drones.telemetry import SpecificForce
@@ -58,6 +58,8 @@ from mocap.alignment import Alignment
 from sim import lockstep
 from sim.cameras.emulator import MocapEmulator
 from sim.cameras.playback import Playback
+from sim.faults.fault import Family, Fault
+from sim.faults.onsets import Onsets
 from sim.scenario import LinkModel, Scenario, agent_configs, leader_seconds, recorded_leader
 from sim.script import Operator, OperatorView
 from sim.world import OPERATOR_PERIOD_NS, T0_NS
@@ -220,6 +222,7 @@ class Vehicles:
         lab, link, drones = scenario.lab, scenario.link, agent_configs(scenario, leader)
         profiles = [drone.true_vehicle() for drone in drones]
         self._sysids = tuple(drone.sysid for drone in drones)
+        self._names = tuple(lab.vehicles[i].body for i in lab.commanded)
         self.bodies = np.array(lab.commanded)
         """Which of the lab's vehicles they are (m)."""
         self.carried: Bool = np.isin(np.arange(len(lab.vehicles)), self.bodies)
@@ -267,6 +270,20 @@ class Vehicles:
             x = states[body, 1:]
             stands = on_ground(VehicleState(x))
             yield Truth(now_ns, sysid, x[0:3], x[3:6], x[6:10], x[10:13], push, stands, armed=True)
+
+    def change_mass(self, fault: Fault, begins: bool, now_ns: int) -> None:
+        """A payload's coming, or going: the mass of those bodies is so many times what it was."""
+        self._advance_to(now_ns - (now_ns - T0_NS) % STEP_NS)
+        for i, body in enumerate(self._names):
+            if fault.hits(body):
+                times = fault.severity if begins else 1.0 / fault.severity
+                self._flown["numbers"][i, MASS] *= times
+                self._weight_n[i] *= times
+
+    def blow(self, wind: Float) -> None:
+        """From the next GUST_NS on this wind (K, m, 3) pushes beside the air."""
+        before = (self._t_ns - T0_NS) // GUST_NS + 1
+        self._wind = np.concatenate([np.zeros((before, *wind.shape[1:])), wind])
 
     def drain(self, dt_s: float) -> None:
         """Take dt_s at the present thrusts out of the packs."""
@@ -370,8 +387,17 @@ class StudyFlight:
     _phase: Phase
     _plan: Plan
 
-    def __init__(self, scenario: Scenario, seed: int, gains: Preset | None = None, own: OwnLaws | None = None) -> None:
-        """gains, own: see `Ground`. The script's landing is not flown: a study ends in HOLD."""
+    def __init__(
+        self,
+        scenario: Scenario,
+        seed: int,
+        gains: Preset | None = None,
+        own: OwnLaws | None = None,
+        wind: Float = STILL,
+    ) -> None:
+        """gains, own: see `Ground`; wind: see `fly`. The script's landing is not flown: a study ends in HOLD."""
+        if unknown := {fault.family for fault in scenario.faults} - {Family.MASS}:
+            raise ValueError(f"{scenario.name}: the host of studies has no fault `{min(unknown)}`; fly it in lockstep")
         lab = self._lab = scenario.lab
         leader = recorded_leader(scenario)
         self.now_ns = T0_NS
@@ -386,12 +412,17 @@ class StudyFlight:
         self._operator_ns = T0_NS + OPERATOR_PERIOD_NS
         self._settled_since_ns: int | None = None
         self._leader_done_ns = 0
+        self._faults, self._wind = Onsets(scenario.faults), wind
         self._enter(Phase.GROUND)
 
     def step(self) -> None:
         """Do all that is due next."""
         cameras = self._cameras
-        now_ns = self.now_ns = min(cameras.next_exposure_ns, cameras.next_frame_ns, self._operator_ns)
+        now_ns = self.now_ns = min(
+            cameras.next_exposure_ns, cameras.next_frame_ns, self._operator_ns, self._faults.next_due_ns
+        )
+        for fault, begins in self._faults.pop_due(now_ns):
+            self._vehicles.change_mass(fault, begins, now_ns)
         if cameras.next_exposure_ns <= now_ns:
             states = self._vehicles.states_at(now_ns)
             self._ground.now_ns = now_ns
@@ -434,6 +465,8 @@ class StudyFlight:
         elif now_ns - settled_ns >= SETTLE_NS:
             start = np.array([*stages.state.pos_lab_m[0], stages.state.yaw_rad[0]])
             self._plan = replace(self._plan, trajectory_start_ns=now_ns)
+            if len(self._wind):
+                self._vehicles.blow(self._wind)
             self._leader_done_ns = now_ns + round(trajectory_from(self._lab, start).duration_s * 1e9)
 
     def _ask(self) -> None:
@@ -454,6 +487,7 @@ class StudyFlight:
 
     def _enter(self, phase: Phase) -> None:
         self._phase, self._ground.now_ns = phase, self.now_ns
+        self._faults.enter(phase, self.now_ns)
         self._plan = self._ground.plan_in(phase)
 
 
@@ -470,17 +504,23 @@ class Host(StrEnum):
 
 
 def fly(
-    scenario: Scenario, seed: int, gains: Preset | None = None, host: Host = Host.STUDY, own: OwnLaws | None = None
+    scenario: Scenario,
+    seed: int,
+    gains: Preset | None = None,
+    host: Host = Host.STUDY,
+    own: OwnLaws | None = None,
+    wind: Float = STILL,
 ) -> tuple[FlightResult, Flight]:
     """Fly a scenario, up to its landing by this host; gains: in the place of the lab's preset; own: by the host of
-    studies, in the place of the lab's own laws.
+    studies, in the place of the lab's own laws; wind (K, m, 3): by it, too, beside the air, m/s^2 in `lab`, every
+    GUST_NS from when the leader's trajectory begins.
 
     The flight comes back as it would be loaded from its log.
     """
     if host is Host.LOCKSTEP:
         flown, logged = lockstep.run_and_load(scenario, seed, gains=gains)
         return flown.outcome.result, logged
-    flight = StudyFlight(scenario, seed, gains, own)
+    flight = StudyFlight(scenario, seed, gains, own, wind)
     end_ns = T0_NS + round(scenario.longest_s * 1e9)
     with lockstep.uncollected():
         while flight.result is None and flight.now_ns < end_ns:

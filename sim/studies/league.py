@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version as version_of
+from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -20,30 +21,35 @@ import numpy as np
 
 from analysis.load import Flight
 from analysis.metrics import summarise
-from analysis.tracking import in_formation_phase, track
+from analysis.tracking import Tracking, in_formation_phase, track
 from formation.codes import GOOD_RESULTS
 from formation.config import Fence, FollowerConfig
 from formation.maths.arrays import Float
+from formation.messages import Phase
 from formation.trajectory_config import TrajectoryConfig
 from formation.vehicle.bound import least_deviation_by_attitude_m
 from formation.vehicle.profile import VehicleProfile, profile
 from sim.cameras.emulator import Gap
+from sim.faults.fault import Family, Fault
 from sim.scenario import Pose, Scenario, TrueVehicle
-from sim.studies import experiments, host
+from sim.studies import experiments, host, neural_fly
 from sim.studies.bound import attitude_loop, gust_push
 from sim.studies.experiments import Experiment, Job
-from sim.studies.gust import chatter_deg
+from sim.studies.gust import SETTLED_M, chatter_deg, pushes, settling
 from sim.studies.laws import ChosenLaw, followed_by
 from sim.studies.mismatch import Mismatch, off_by
 from wire import version
-from wire.files import sha256_of
+from wire.files import read_toml, sha256_of
 
 VEHICLES = ("paper_40g", "px4_quad", "crazyflie_27g")
 BUILT_IN = ("paper_smc", "paper_istsmc", "paper", "default", "pid", "geometric")
 EIGHT_M, EIGHT_YAW_RAD_S = 3.0, 0.3
 COARSE_M, HIDDEN_SHARE = 0.002, 0.05
-OUTSIDE_M = 0.01
 GUST = "gust"
+PAYLOAD, LOADED_S = 1.3, (10.0, 18.0)
+"""Times its own mass; from when to when in formation."""
+WINDS = MappingProxyType({f"Neural-Fly, {m_s} m/s": condition for condition, m_s in neural_fly.WINDS.items()})
+"""Scenes that are flown where the user has the recordings, by the one vehicle that they are of."""
 DROP_OUTS = tuple(
     Gap(at_s=at_s, for_s=0.08, body=body) for at_s, body in ((6.0, "left"), (11.0, "right"), (16.0, None))
 )
@@ -90,6 +96,22 @@ def _cameras(vehicle: VehicleProfile, lab: Mapping[str, Any], **cameras: Any) ->
     return scenario.model_copy(update={"lab": known, "mocap": scenario.mocap.model_copy(update=cameras)})
 
 
+def _loaded(vehicle: VehicleProfile) -> Scenario:
+    """The circle, in which each follower is handed a payload and drops it again; the control knows of neither."""
+    scenario = _circle(vehicle)
+    faults = tuple(
+        Fault(
+            family=Family.MASS,
+            severity=PAYLOAD,
+            body=follower.body,
+            after_s=LOADED_S[0],
+            for_s=LOADED_S[1] - LOADED_S[0],
+        )
+        for follower in scenario.lab.followers
+    )
+    return scenario.model_copy(update={"faults": faults})
+
+
 SCENES: Mapping[str, Callable[[VehicleProfile], Scenario]] = MappingProxyType(
     {
         "line": lambda v: _of(Experiment.LINE, v),
@@ -99,7 +121,8 @@ SCENES: Mapping[str, Callable[[VehicleProfile], Scenario]] = MappingProxyType(
         "eight, 1 m/s": lambda v: _eight(v, 1.0),
         "eight, 2 m/s": lambda v: _eight(v, 2.0),
         "eight, 3 m/s": lambda v: _eight(v, 3.0),
-        "payload, +30 %": lambda v: off_by(_of(Experiment.GUST, v), Mismatch(mass=1.3)),
+        "payload, +30 %": lambda v: off_by(_of(Experiment.GUST, v), Mismatch(mass=PAYLOAD)),
+        "payload on, off": _loaded,
         "motors, -20 %": lambda v: off_by(_of(Experiment.GUST, v), Mismatch(thrust=0.8)),
         "50 Hz": lambda v: _cameras(v, {"rate_hz": 50.0}, rate_hz=50.0),
         "30 ms later": lambda v: _cameras(v, {"delay_s": 0.038}, delay_s=0.038),
@@ -113,19 +136,21 @@ the gust, and the circle under worse cameras."""
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What is flown: one law's followers in one scene."""
+    """What is flown: one law's followers in one scene; recording: the file of the wind, of one of WINDS."""
 
     law: ChosenLaw
     scene: str
     vehicle: str
     seed: int = 1
+    recording: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
     """One flight by its true states; None where it never flew in formation.
 
-    rms_m, max_m: off the slot; outside_share: of the time, farther off it than 1 cm; chatter_deg: sim.studies.gust,
+    rms_m, max_m: off the slot; outside_share: of the time, farther off it than SETTLED_M; settle_s: mean time until
+    every follower stays within SETTLED_M, None where nothing begins or ends (`_calm_s`); chatter_deg: sim.studies.gust,
     median follower; thrust_std: standard deviation of the thrust sent, 0..1; commands: hash of all targets; cpu_us: of
     this machine's processor for a drone and frame, simulation included, which no check compares.
     """
@@ -134,49 +159,112 @@ class Result:
     rms_m: float | None
     max_m: float | None
     outside_share: float | None
+    settle_s: float | None
     chatter_deg: float | None
     thrust_std: float | None
     commands: str
     cpu_us: float
 
 
-Tuned = Mapping[str, Mapping[str, Mapping[str, float]]]
+Tuned = Mapping[str, Mapping[str, Mapping[str, Any]]]
 """Options of own laws as `gcs-sim tune --law` writes them: by the law's label, by vehicle."""
+GAINS = "gains.toml"
+"""Beside a law's file: options that it flies with where no others are given."""
+
+
+def gains_beside(laws: Sequence[ChosenLaw]) -> Tuned:
+    """The options that are tuned of those laws, each from the GAINS beside its file; ValueError, OSError."""
+    files = {law.label: _file_of(law).with_name(GAINS) for law in laws if law.is_file}
+    return {label: read_toml(file).get(label, {}) for label, file in files.items() if file.is_file()}
 
 
 def rows(
-    laws: Sequence[ChosenLaw], scenes: Sequence[str], vehicles: Sequence[str], tuned: Tuned = MappingProxyType({})
+    laws: Sequence[ChosenLaw],
+    scenes: Sequence[str],
+    vehicles: Sequence[str],
+    tuned: Tuned = MappingProxyType({}),
+    recordings: Path | None = None,
 ) -> list[Row]:
-    """Every law in every scene with every vehicle; ValueError for what cannot be flown."""
+    """Every law in every scene, of WINDS, too, where there are recordings; none: in all. ValueError for what cannot be
+    flown."""
     labels = [law.label for law in laws]
     if twice := {label for label in labels if labels.count(label) > 1}:
         raise ValueError(f"two laws are called {min(twice)}: a table needs a name for each")
-    if unknown := set(scenes) - set(SCENES):
-        raise ValueError(f"unknown scene {min(unknown)!r}; known: {', '.join(SCENES)}")
+    known = (*SCENES, *(WINDS if recordings is not None else ()))
+    wanted = scenes or known
+    if unknown := set(wanted) - set(known):
+        raise ValueError(f"unknown scene {min(unknown)!r}; known: {', '.join(known)}")
 
     def of(law: ChosenLaw, vehicle: str) -> ChosenLaw:
         options = tuned.get(law.label, {}).get(vehicle)
         return law if options is None or law.is_preset else replace(law, law=tuple(options.items()))
 
-    return [Row(of(law, vehicle), scene, vehicle) for vehicle in vehicles for scene in scenes for law in laws]
+    flown = [(vehicle, scene, "") for vehicle in vehicles for scene in wanted if scene in SCENES]
+    for scene in wanted:
+        if recordings is not None and scene in WINDS:
+            flown.append((neural_fly.VEHICLE.name, scene, str(_recording(recordings, scene))))
+    return [
+        Row(of(law, vehicle), scene, vehicle, recording=recording)
+        for vehicle, scene, recording in flown
+        for law in laws
+    ]
+
+
+def _recording(folder: Path, scene: str) -> Path:
+    return neural_fly.path_of(folder, neural_fly.PUSHED_BY, WINDS[scene])
+
+
+def _scene(row: Row) -> tuple[Scenario, Float]:
+    """What is flown, and the wind from when the leader moves; neural_fly.RecordingError, a ValueError."""
+    if not row.recording:
+        return SCENES[row.scene](profile(row.vehicle)), host.STILL
+    recording = neural_fly.read(Path(row.recording))
+    return neural_fly.scenario_of(recording), neural_fly.wind(recording, host.GUST_NS * 1e-9)
 
 
 def fly(row: Row) -> Result:
     """Fly one row and measure it."""
-    scenario = SCENES[row.scene](profile(row.vehicle))
+    scenario, wind = _scene(row)
     lab = row.law.lab(scenario.lab)
     began_s = time.process_time()
     outcome, flight = host.fly(
-        scenario.model_copy(update={"lab": lab}), row.seed, followed_by(row.law, scenario.lab), own=row.law.own(lab)
-    )
+        scenario.model_copy(update={"lab": lab}), row.seed, followed_by(row.law, scenario.lab), own=row.law.own(lab),
+        wind=wind,
+    )  # fmt: skip
     took_s = time.process_time() - began_s
-    return _measured(outcome, flight, took_s)
+    return _measured(outcome, flight, took_s, _calm_s(scenario, flight))
 
 
-def _measured(outcome: str, flight: Flight, took_s: float) -> Result:
+def _calm_s(scenario: Scenario, flight: Flight) -> list[tuple[float, float]]:
+    """From when to when a follower has time to settle: from a payload's coming to its going, from its going on, from
+    the end of each push of the fan to the next, and from the beginning of a push that stays."""
+    formed, fan = flight.spans(Phase.FORMATION), scenario.air.fan
+    if not formed:
+        return []
+    begin_s, end_s = formed[0].start_s, formed[0].end_s
+    changes_s = {begin_s + fault.after_s + s for fault in scenario.faults for s in (0.0, fault.for_s or 0.0)}
+    if fan is not None and fan.sweep_rad:
+        truth = flight.truth[scenario.lab.followers[0].sysid or 0]
+        blown = (truth.t_s >= fan.start_s) & (truth.t_s <= end_s)
+        t_s, push = truth.t_s[blown], np.linalg.norm(truth["dist_lab_m_s2"][blown], axis=-1)
+        return [(float(t_s[end]), float(t_s[after - 1])) for _, end, after in pushes(push)] if len(push) else []
+    if fan is not None:
+        changes_s.add(fan.start_s)
+    return list(pairwise([*sorted(t_s for t_s in changes_s if t_s < end_s), end_s]))
+
+
+def _settle_s(tracking: Tracking, calm_s: Sequence[tuple[float, float]]) -> float | None:
+    """Mean time in them until every follower stays within SETTLED_M of its slot."""
+    off_m = np.where(tracking.scored, np.linalg.norm(tracking.error_lead_m, axis=-1), 0.0).max(axis=1, initial=0.0)
+    at = np.searchsorted(tracking.t_s, calm_s)
+    return settling(tracking.t_s, off_m, [(begin, begin, end) for begin, end in at.tolist()]) if len(at) else None
+
+
+def _measured(outcome: str, flight: Flight, took_s: float, calm_s: Sequence[tuple[float, float]]) -> Result:
     turns = max(len(flight.target) * len(flight.vehicles), 1)
     as_it_was = true(flight)
-    summary, error_m = summarise(as_it_was), _errors_m(as_it_was)
+    summary, tracking = summarise(as_it_was), track(as_it_was)
+    error_m = np.linalg.norm(tracking.error_lead_m, axis=-1)[tracking.scored]
     formed = in_formation_phase(flight, flight.target.t_s)
     columns = [v.column for v in flight.followers if v.column is not None]
     q, rate, thrust = (flight.target[name][formed] for name in ("q_lab_from_flu", "rate_flu_rad_s", "thrust_norm"))
@@ -188,7 +276,8 @@ def _measured(outcome: str, flight: Flight, took_s: float) -> Result:
         str(outcome) if is_law_sound else "law failed",
         summary.formation_rms_m,
         summary.formation_max_m,
-        float(np.mean(error_m > OUTSIDE_M)) if error_m.size else None,
+        float(np.mean(error_m > SETTLED_M)) if error_m.size else None,
+        _settle_s(tracking, calm_s),
         float(np.median(moved)) if moved else None,
         float(thrust[:, columns].std(axis=0).mean()) if formed.any() else None,
         commands_hash(flight),
@@ -207,12 +296,6 @@ def true(flight: Flight) -> Flight:
         at = np.clip(np.searchsorted(truth.t_s, poses.t_s - 5e-4), 0, len(truth) - 1)
         pos[:, i], q[:, i], seen[:, i] = truth["pos_lab_m"][at], truth["q_lab_from_flu"][at], True
     return replace(flight, poses=replace(poses, pos_lab_m=pos, q_lab_from_flu=q, seen=seen))
-
-
-def _errors_m(flight: Flight) -> Float:
-    tracking = track(flight)
-    errors: Float = np.linalg.norm(tracking.error_lead_m, axis=-1)[tracking.scored]
-    return errors
 
 
 def commands_hash(flight: Flight) -> str:
@@ -247,6 +330,7 @@ def to_json(flown: Sequence[tuple[Row, Result]], bound_m: Mapping[str, float] = 
             "scene": row.scene,
             "vehicle": row.vehicle,
             "seed": row.seed,
+            "recording": sha256_of(Path(row.recording)) if row.recording else "",
         }
         | asdict(result)
         for row, result in flown
@@ -271,32 +355,42 @@ def _file_of(law: ChosenLaw) -> Path:
     return Path(law.name.partition(":")[0])
 
 
-def known_rows(text: str, source: str) -> list[tuple[Row, Result]]:
-    """The rows of a result file whose laws are here, as they were there; LeagueError."""
+def known_rows(text: str, source: str, recordings: Path | None = None) -> list[tuple[Row, Result]]:
+    """The rows of a result file whose laws, and recordings, are here, as they were there; LeagueError."""
     try:
         values = json.loads(text)
         laws = {label: _law(label, entry) for label, entry in values["laws"].items()}
-        return [_known_row(laws, each) for each in values["rows"]]
+        return [_known_row(laws, each, recordings) for each in values["rows"]]
     except (json.JSONDecodeError, KeyError, TypeError) as error:
         raise LeagueError(f"{source}: no result file of a league: {type(error).__name__}: {error}") from error
 
 
-def _known_row(laws: Mapping[str, ChosenLaw], entry: Mapping[str, Any]) -> tuple[Row, Result]:
+def _known_row(laws: Mapping[str, ChosenLaw], entry: Mapping[str, Any], recordings: Path | None) -> tuple[Row, Result]:
     law = replace(laws[entry["law"]], law=tuple(entry["options"].items()))
     result = Result(**{name: entry[name] for name in Result.__dataclass_fields__})
-    return Row(law, entry["scene"], entry["vehicle"], entry["seed"]), result
+    scene, file = entry["scene"], ""
+    if wanted := entry["recording"]:
+        if recordings is None:
+            raise LeagueError(f"{scene}: its recording is yours to fetch; --neural-fly DIR says where it is")
+        file = str(_the_same(_recording(recordings, scene), wanted, scene))
+    return Row(law, scene, entry["vehicle"], entry["seed"], file), result
 
 
 def _law(label: str, entry: Mapping[str, Any]) -> ChosenLaw:
     law = ChosenLaw(str(entry["name"]))
     if law.is_file:
-        file = _file_of(law)
-        if not file.is_file():
-            raise LeagueError(f"{label}: its file {file} is not here")
-        found = sha256_of(file)
-        if found != entry["sha256"]:
-            raise LeagueError(f"{label}: {file} is another file: its SHA-256 is {found}, flown was {entry['sha256']}")
+        _the_same(_file_of(law), entry["sha256"], label)
     return law
+
+
+def _the_same(file: Path, sha256: str, of: str) -> Path:
+    """The file that was flown with; LeagueError where it is another."""
+    if not file.is_file():
+        raise LeagueError(f"{of}: its file {file} is not here")
+    found = sha256_of(file)
+    if found != sha256:
+        raise LeagueError(f"{of}: {file} is another file: its SHA-256 is {found}, flown was {sha256}")
+    return file
 
 
 def differences(there: Result, here: Result) -> list[str]:

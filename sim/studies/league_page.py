@@ -18,6 +18,7 @@ COLUMNS: tuple[tuple[str, str, float, int], ...] = (
     ("rms_m", "RMS, mm", 1e3, 2),
     ("max_m", "largest, mm", 1e3, 1),
     ("outside_share", "beyond 1 cm, % of the time", 1e2, 1),
+    ("settle_s", "settling, s", 1.0, 2),
     ("chatter_deg", "chatter, degrees a frame", 1.0, 3),
     ("thrust_std", "spread of the thrust, %", 1e2, 2),
     ("cpu_us", "µs a drone and frame", 1.0, 0),
@@ -38,7 +39,7 @@ def console_tables(flown: Flown, bound_m: Bound) -> Iterator[Table]:
             table.add_column("")
             for law in laws:
                 table.add_column(law, justify="right")
-            for scene in _scenes(flown):
+            for scene in _scenes(flown, vehicle):
                 table.add_row(scene, *_cells(flown, vehicle, scene, laws, COLUMNS[0]))
             for cells in _shares(flown, vehicle, laws, bound_m):
                 table.add_row(*cells)
@@ -48,15 +49,15 @@ def console_tables(flown: Flown, bound_m: Bound) -> Iterator[Table]:
 
 def html(flown: Flown, bound_m: Bound) -> str:
     """The page: a section a vehicle, a table a figure; bound_m: of the gust, by vehicle."""
-    laws, scenes = _laws(flown), _scenes(flown)
+    laws, scenes = _laws(flown), {row.scene for row, _ in flown}
     facts = ", ".join(f"{name} {value}" for name, value in versions().items())
     sections = [
         Section(
             vehicle,
             vehicle,
-            "A star marks the law with the smallest RMS of those that flew to the end.",
+            f"A star marks the law with the smallest RMS of those that flew to the end.{_tuned(flown, vehicle)}",
             parts=[
-                *(_figure(flown, vehicle, scenes, laws, column) for column in COLUMNS),
+                *(_figure(flown, vehicle, laws, column) for column in COLUMNS),
                 page.table(("", *(f"#{law}" for law in laws)), _shares(flown, vehicle, laws, bound_m)),
             ],
         )
@@ -68,6 +69,12 @@ def html(flown: Flown, bound_m: Bound) -> str:
     )  # fmt: skip
 
 
+def _tuned(flown: Flown, vehicle: str) -> str:
+    """Which laws flew with other options than their own; empty: none."""
+    names = dict.fromkeys(row.law.label for row, _ in flown if row.vehicle == vehicle and row.law.law)
+    return f" With options that were given: {', '.join(names)}; league.json has them." if names else ""
+
+
 def _shares(flown: Flown, vehicle: str, laws: Sequence[str], bound_m: Bound) -> Iterator[tuple[str, ...]]:
     """The least largest deviation in the gust over each law's; nothing where no bound was computed."""
     here = _results(flown, vehicle, GUST)
@@ -77,10 +84,14 @@ def _shares(flown: Flown, vehicle: str, laws: Sequence[str], bound_m: Bound) -> 
         yield (f"gust: {1e3 * bound_m[vehicle]:.1f} mm possible, % of largest", *shares)
 
 
-def _figure(
-    flown: Flown, vehicle: str, scenes: Sequence[str], laws: Sequence[str], column: tuple[str, str, float, int]
-) -> page.Table | None:
+def _figure(flown: Flown, vehicle: str, laws: Sequence[str], column: tuple[str, str, float, int]) -> page.Table | None:
+    """None where no scene has the figure."""
     head = (column[1], *(f"#{law}" for law in laws))
+    scenes = [
+        scene
+        for scene in _scenes(flown, vehicle)
+        if any(getattr(result, column[0]) is not None for result in _results(flown, vehicle, scene).values())
+    ]
     return page.table(head, [Line((scene, *_cells(flown, vehicle, scene, laws, column))) for scene in scenes])
 
 
@@ -109,7 +120,7 @@ def _best(results: Iterable[Result]) -> Result | None:
 def _wins(flown: Flown, vehicle: str, law: str) -> int:
     """In how many scenes it is the best."""
     count = 0
-    for scene in _scenes(flown):
+    for scene in _scenes(flown, vehicle):
         here = _results(flown, vehicle, scene)
         count += law in here and _best(here.values()) is here[law]
     return count
@@ -124,5 +135,5 @@ def _laws(flown: Flown) -> list[str]:
     return list(dict.fromkeys(row.law.label for row, _ in flown))
 
 
-def _scenes(flown: Flown) -> list[str]:
-    return list(dict.fromkeys(row.scene for row, _ in flown))
+def _scenes(flown: Flown, vehicle: str) -> list[str]:
+    return list(dict.fromkeys(row.scene for row, _ in flown if row.vehicle == vehicle))

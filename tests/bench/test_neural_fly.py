@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bench.neural_fly import flights
-from bench.neural_fly.flights import VEHICLE, Job, ReplayedWind
-from bench.neural_fly.recordings import Recording, RecordingError, path_of, read
+from bench.neural_fly.flights import Job, ReplayedWind
 from formation.messages import Phase, PhaseChange, Reference
+from sim.studies.neural_fly import VEHICLE, Recording, RecordingError, path_of, read
 
 HEADER = ",t,p,p_d,fa,pwm"
 LINE = '{k},{t},"[1.0, 2.0, {z}]","[1.0, 2.0, 3.0]","[5.288, 0.0, -2.644]","[1200.0]"'

@@ -1,0 +1,157 @@
+"""Neural-Fly's recorded flights, read line by line, and a figure-8 to fly in the force that they recorded.
+
+The files are the user's to fetch, and never part of this project. A leader that no wind pushes flies the recorded
+reference; one follower beside it is pushed by the residual force of the recorded baseline flight over its mass. A
+replayed force does not react to our motion, and it holds whatever their thrust model missed, with the noise of its
+differentiation.
+
+O'Connell, Shi et al., "Neural-Fly enables rapid learning for agile flight in strong winds", Science Robotics 7 (2022);
+github aerorobotics/neural-fly, data/experiment: custom_figure8_METHOD_CONDITION.csv, 50 Hz.
+"""
+
+import csv
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from formation.config import Fence, FlightConfig, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig
+from formation.maths.arrays import Float
+from formation.trajectory_config import TrajectoryConfig
+from formation.vehicle.profile import BatteryProfile, VehicleProfile
+from sim.scenario import Pose, Scenario, TrueVehicle
+
+WINDS: Mapping[str, str] = MappingProxyType(
+    {"nowind": "0", "35wind": "4.2", "70wind": "8.5", "70p20sint": "8.5 + 2.4 sin t", "100wind": "12.1"}
+)
+"""The conditions by their names in the files, and the wind's speed, m/s, by the article."""
+METHODS = ("baseline", "indi", "L1", "NF-C", "NF-T", "NF")
+PUSHED_BY = "baseline"
+"""Whose flight's residual force is replayed."""
+SETTLED_S = 5.0
+"""The article's figures are of what comes after."""
+VEHICLE = VehicleProfile(
+    name="neural_fly_2644g",
+    mass_kg=2.644,
+    inertia_kg_m2=(0.0287, 0.0287, 0.053),
+    wheelbase_m=0.5,
+    rotor_radius_m=0.127,
+    thrust_max_n=53.4,
+    thrust_curve=0.0,
+    yaw_torque_m=0.016,
+    motor_lag_s=0.04,
+    ground_effect=0.0,
+    attitude_p_1_s=8.0,
+    yaw_p_1_s=2.8,
+    rate_p_1_s=25.0,
+    rate_yaw_p_1_s=8.0,
+    rate_max_rad_s=3.8,
+    rate_yaw_max_rad_s=3.5,
+    rate_feed_forward=False,
+    command_delay_s=0.016,
+    response_dead_time_s=0.083,
+    response_lag_s=0.063,
+    thrust_dead_time_s=0.02,
+    thrust_lag_s=0.04,
+    battery=BatteryProfile(cells=6, capacity_mah=5000.0, hover_current_a=20.0),
+)
+"""What our drone is, and is believed to be.
+
+Mass: the article's. Full thrust: 0.485 of it hovers, the mean of the recorded hover throttles. Attitude answer: 146 ms
+in all, as the recorded attitudes follow theirs (0.14 to 0.16 s by flight). Thrust answer: 60 ms in all; by flight the
+recordings say 15 to 65 ms where no wind blows, and nothing where one does. Inertia as of x500, by mass. No drag: it is
+in the residual force. Assumed: rate gains and limits, battery.
+"""
+FOLLOWER_SYSID = 2
+BESIDE_M = (0.0, -2.0, 0.0)
+TILT_RAD = 0.8
+"""More than the 0.75 rad that the recorded vehicle tilted; its wind needs 0.54 to hover in."""
+RISE_S = 0.5
+COLUMNS = {"t": (), "p": (3,), "p_d": (3,), "fa": (3,)}
+
+
+class RecordingError(ValueError):
+    """A file that cannot be used: "file:line column: reason"."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """One flight: times (T,), s from 0; position and reference (T, 3), m; residual force (T, 3), N. Axes: z up."""
+
+    t_s: Float
+    pos_m: Float
+    reference_m: Float
+    residual_n: Float
+
+    @property
+    def rms_m(self) -> float:
+        """Of the distance from the reference, once settled."""
+        error_m = np.linalg.norm(self.pos_m - self.reference_m, axis=-1)[self.t_s > SETTLED_S]
+        return float(np.sqrt(np.mean(error_m**2)))
+
+
+def path_of(folder: Path, method: str, wind: str) -> Path:
+    """Where a flight's file is looked for."""
+    return folder / f"custom_figure8_{method}_{wind}.csv"
+
+
+def read(path: Path) -> Recording:
+    """The flight in a file; RecordingError where it cannot be used."""
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise RecordingError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
+    if len(rows) < 2:
+        raise RecordingError(f"{path}: {len(rows)} lines of data, at least 2 are needed")
+    columns = [np.array([_cell(path, k, row, name, shape) for k, row in enumerate(rows, 2)])
+               for name, shape in COLUMNS.items()]  # fmt: skip
+    if (np.diff(columns[0]) <= 0.0).any():
+        raise RecordingError(f"{path}: column `t` does not rise")
+    return Recording(columns[0] - columns[0][0], *columns[1:])
+
+
+def _cell(path: Path, line: int, row: Mapping[str, str], name: str, shape: tuple[int, ...]) -> Float:
+    try:
+        value = np.array(json.loads(row[name]), dtype=np.float64)
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"{path}:{line} {name}: not a number or a list of numbers") from error
+    if value.shape != shape or not np.isfinite(value).all():
+        raise RecordingError(f"{path}:{line} {name}: not {shape[0] if shape else 1} finite number(s)")
+    return value
+
+
+def scenario_of(recording: Recording) -> Scenario:
+    """The figure-8 as the leader's trajectory, and the follower beside it."""
+    x, y, z = recording.reference_m[0].tolist()
+    points = tuple((t, *at, 0.0) for t, at in zip(recording.t_s.tolist(), recording.reference_m.tolist(), strict=True))
+    lab = LabConfig(
+        profiles=(VEHICLE,),
+        leader=LeaderConfig(body="leader", sysid=1, trajectory=TrajectoryConfig(kind="csv", points=points)),
+        followers=(
+            FollowerConfig(body="follower", sysid=FOLLOWER_SYSID, profile=VEHICLE.name, offset_m=BESIDE_M),
+        ),
+        flight=FlightConfig(altitude_m=z),
+        limits=LimitsConfig(
+            tilt_rad=TILT_RAD, speed_m_s=5.0, fence=Fence(low_m=(-4.0, -5.0, -0.1), high_m=(4.0, 3.0, 4.5))
+        ),
+    )  # fmt: skip
+    return Scenario(name="neural_fly", lab=lab, vehicles=(TrueVehicle(sysid=1, start=Pose(pos_lab_m=(x, y, 0.0))),))
+
+
+def push_lab_m_s2(recording: Recording, since_s: Float) -> Float:
+    """The push (T, 3) so long after the trajectory began (T,); none before it and after the recording's end."""
+    push = np.stack([np.interp(since_s, recording.t_s, force) for force in recording.residual_n.T / VEHICLE.mass_kg], 1)
+    blows = (since_s > 0.0) & (since_s < recording.t_s[-1])
+    risen: Float = np.where(blows, np.minimum(since_s / RISE_S, 1.0), 0.0)
+    return push * risen[:, None]
+
+
+def wind(recording: Recording, step_s: float) -> Float:
+    """The push on the leader, none, and on the follower, every step_s from the trajectory's beginning: (K, 2, 3)."""
+    since_s: Float = np.arange(0.0, float(recording.t_s[-1]), step_s)
+    pushed = push_lab_m_s2(recording, since_s)
+    return np.stack([np.zeros_like(pushed), pushed], axis=1)

@@ -256,6 +256,7 @@ def play_league(
     from sim.cli.flights import fail
     from sim.studies import league, league_page
     from sim.studies.laws import chosen
+    from sim.studies.neural_fly import flown_rms_m
     from sim.studies.runner import Runner
     from wire.files import read_toml
 
@@ -269,6 +270,7 @@ def play_league(
         flown_by = [chosen(name) for name in laws or league.BUILT_IN]
         tuned = league.gains_beside(flown_by) if gains is None else read_toml(gains)
         jobs = league.rows(flown_by, tuple(scene or ()), tuple(vehicle or league.VEHICLES), tuned, neural_fly)
+        recorded_m = {} if neural_fly is None else flown_rms_m(neural_fly)
         results = list(zip(jobs, runner.run("flights", league.fly, jobs), strict=True))
     except (OSError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
@@ -277,10 +279,10 @@ def play_league(
     )
     for table in league_page.console_tables(results, bound_m):
         console.print(table)
-    text = league.to_json(results, bound_m)
+    text = league.to_json(results, bound_m, recorded_m)
     if as_json:
         print(text)
-    runner.write(out, {"league.json": text + "\n", "league.html": league_page.html(results, bound_m)})
+    runner.write(out, {"league.json": text + "\n", "league.html": league_page.html(results, bound_m, recorded_m)})
 
 
 def _check_league(known: "list[tuple[Row, Result]]", runner: "Runner", console: Console, as_json: bool) -> None:

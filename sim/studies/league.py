@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from analysis.load import Flight
-from analysis.metrics import summarise
+from analysis.metrics import rms
 from analysis.tracking import Tracking, in_formation_phase, track
 from formation.codes import GOOD_RESULTS
 from formation.config import Fence, FollowerConfig
@@ -48,8 +48,6 @@ COARSE_M, HIDDEN_SHARE = 0.002, 0.05
 GUST = "gust"
 PAYLOAD, LOADED_S = 1.3, (10.0, 18.0)
 """Times its own mass; from when to when in formation."""
-WINDS = MappingProxyType({f"Neural-Fly, {m_s} m/s": condition for condition, m_s in neural_fly.WINDS.items()})
-"""Scenes that are flown where the user has the recordings, by the one vehicle that they are of."""
 DROP_OUTS = tuple(
     Gap(at_s=at_s, for_s=0.08, body=body) for at_s, body in ((6.0, "left"), (11.0, "right"), (16.0, None))
 )
@@ -136,7 +134,7 @@ the gust, and the circle under worse cameras."""
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What is flown: one law's followers in one scene; recording: the file of the wind, of one of WINDS."""
+    """What is flown: one law's followers in one scene; recording: the file of the wind, of neural_fly.SCENES."""
 
     law: ChosenLaw
     scene: str
@@ -168,6 +166,7 @@ class Result:
 
 Tuned = Mapping[str, Mapping[str, Mapping[str, Any]]]
 """Options of own laws as `gcs-sim tune --law` writes them: by the law's label, by vehicle."""
+Recorded = dict[str, dict[str, float]]
 GAINS = "gains.toml"
 """Beside a law's file: options that it flies with where no others are given."""
 
@@ -185,12 +184,11 @@ def rows(
     tuned: Tuned = MappingProxyType({}),
     recordings: Path | None = None,
 ) -> list[Row]:
-    """Every law in every scene, of WINDS, too, where there are recordings; none: in all. ValueError for what cannot be
-    flown."""
+    """Every law in every scene, or in all, neural_fly.SCENES among them where there are recordings; ValueError."""
     labels = [law.label for law in laws]
     if twice := {label for label in labels if labels.count(label) > 1}:
         raise ValueError(f"two laws are called {min(twice)}: a table needs a name for each")
-    known = (*SCENES, *(WINDS if recordings is not None else ()))
+    known = (*SCENES, *(neural_fly.SCENES if recordings is not None else ()))
     wanted = scenes or known
     if unknown := set(wanted) - set(known):
         raise ValueError(f"unknown scene {min(unknown)!r}; known: {', '.join(known)}")
@@ -201,7 +199,7 @@ def rows(
 
     flown = [(vehicle, scene, "") for vehicle in vehicles for scene in wanted if scene in SCENES]
     for scene in wanted:
-        if recordings is not None and scene in WINDS:
+        if recordings is not None and scene in neural_fly.SCENES:
             flown.append((neural_fly.VEHICLE.name, scene, str(_recording(recordings, scene))))
     return [
         Row(of(law, vehicle), scene, vehicle, recording=recording)
@@ -211,7 +209,7 @@ def rows(
 
 
 def _recording(folder: Path, scene: str) -> Path:
-    return neural_fly.path_of(folder, neural_fly.PUSHED_BY, WINDS[scene])
+    return neural_fly.path_of(folder, neural_fly.PUSHED_BY, neural_fly.SCENES[scene])
 
 
 def _scene(row: Row) -> tuple[Scenario, Float]:
@@ -232,7 +230,7 @@ def fly(row: Row) -> Result:
         wind=wind,
     )  # fmt: skip
     took_s = time.process_time() - began_s
-    return _measured(outcome, flight, took_s, _calm_s(scenario, flight))
+    return _measured(row, scenario, outcome, flight, took_s)
 
 
 def _calm_s(scenario: Scenario, flight: Flight) -> list[tuple[float, float]]:
@@ -260,11 +258,11 @@ def _settle_s(tracking: Tracking, calm_s: Sequence[tuple[float, float]]) -> floa
     return settling(tracking.t_s, off_m, [(begin, begin, end) for begin, end in at.tolist()]) if len(at) else None
 
 
-def _measured(outcome: str, flight: Flight, took_s: float, calm_s: Sequence[tuple[float, float]]) -> Result:
+def _measured(row: Row, scenario: Scenario, outcome: str, flight: Flight, took_s: float) -> Result:
     turns = max(len(flight.target) * len(flight.vehicles), 1)
-    as_it_was = true(flight)
-    summary, tracking = summarise(as_it_was), track(as_it_was)
-    error_m = np.linalg.norm(tracking.error_lead_m, axis=-1)[tracking.scored]
+    tracking = track(true(flight))
+    scored = tracking.scored & (tracking.t_s >= _judged_from_s(row, flight))[:, None]
+    error_m = np.linalg.norm(tracking.error_lead_m, axis=-1)[scored]
     formed = in_formation_phase(flight, flight.target.t_s)
     columns = [v.column for v in flight.followers if v.column is not None]
     q, rate, thrust = (flight.target[name][formed] for name in ("q_lab_from_flu", "rate_flu_rad_s", "thrust_norm"))
@@ -274,15 +272,23 @@ def _measured(outcome: str, flight: Flight, took_s: float, calm_s: Sequence[tupl
     is_law_sound = not len(flight.law_failures)
     return Result(
         str(outcome) if is_law_sound else "law failed",
-        summary.formation_rms_m,
-        summary.formation_max_m,
+        rms(error_m),
+        float(error_m.max()) if error_m.size else None,
         float(np.mean(error_m > SETTLED_M)) if error_m.size else None,
-        _settle_s(tracking, calm_s),
+        _settle_s(tracking, _calm_s(scenario, flight)),
         float(np.median(moved)) if moved else None,
         float(thrust[:, columns].std(axis=0).mean()) if formed.any() else None,
         commands_hash(flight),
         1e6 * took_s / turns,
     )
+
+
+def _judged_from_s(row: Row, flight: Flight) -> float:
+    """From the first frame on; in a recorded wind as the article does, SETTLED_S after it begins."""
+    if not row.recording:
+        return 0.0
+    truth = flight.truth[neural_fly.FOLLOWER_SYSID]
+    return float(truth.t_s[truth["dist_lab_m_s2"].any(axis=-1).argmax()]) + neural_fly.SETTLED_S
 
 
 def true(flight: Flight) -> Flight:
@@ -320,8 +326,13 @@ def least_m(vehicles: Sequence[str]) -> dict[str, float]:
     }
 
 
-def to_json(flown: Sequence[tuple[Row, Result]], bound_m: Mapping[str, float] = MappingProxyType({})) -> str:
-    """The result file: versions, the laws with the hashes of their files, the bound by vehicle, and a row a flight."""
+def to_json(
+    flown: Sequence[tuple[Row, Result]],
+    bound_m: Mapping[str, float] = MappingProxyType({}),
+    recorded_m: Recorded | None = None,
+) -> str:
+    """The result file: versions, the laws with the hashes of their files, the bound by vehicle, the RMS of recorded
+    flights by method and scene, and a row a flight."""
     laws = {row.law.label: _described(row.law) for row, _ in flown}
     table = [
         {
@@ -335,9 +346,8 @@ def to_json(flown: Sequence[tuple[Row, Result]], bound_m: Mapping[str, float] = 
         | asdict(result)
         for row, result in flown
     ]
-    return json.dumps(
-        {"versions": versions(), "laws": laws, "gust_bound_m": dict(bound_m), "rows": table}, indent=1, allow_nan=False
-    )
+    facts = {"versions": versions(), "laws": laws, "gust_bound_m": dict(bound_m), "recorded_rms_m": recorded_m or {}}
+    return json.dumps(facts | {"rows": table}, indent=1, allow_nan=False)
 
 
 def versions() -> dict[str, str]:

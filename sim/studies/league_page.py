@@ -10,7 +10,7 @@ from analysis import page
 from analysis.page import Row as Line
 from analysis.page import Section
 from formation.codes import GOOD_RESULTS
-from sim.studies.league import GUST, Result, Row, cost, versions
+from sim.studies.league import GUST, Recorded, Result, Row, cost, versions
 
 Flown = Sequence[tuple[Row, Result]]
 Bound = Mapping[str, float]
@@ -47,8 +47,9 @@ def console_tables(flown: Flown, bound_m: Bound) -> Iterator[Table]:
             yield table
 
 
-def html(flown: Flown, bound_m: Bound) -> str:
-    """The page: a section a vehicle, a table a figure; bound_m: of the gust, by vehicle."""
+def html(flown: Flown, bound_m: Bound, recorded_m: Recorded | None = None) -> str:
+    """The page: a section a vehicle, a table a figure; bound_m: of the gust, by vehicle; recorded_m: RMS of recorded
+    flights, by method and scene."""
     laws, scenes = _laws(flown), {row.scene for row, _ in flown}
     facts = ", ".join(f"{name} {value}" for name, value in versions().items())
     sections = [
@@ -59,6 +60,7 @@ def html(flown: Flown, bound_m: Bound) -> str:
             parts=[
                 *(_figure(flown, vehicle, laws, column) for column in COLUMNS),
                 page.table(("", *(f"#{law}" for law in laws)), _shares(flown, vehicle, laws, bound_m)),
+                _recorded(flown, vehicle, recorded_m or {}),
             ],
         )
         for vehicle in dict.fromkeys(row.vehicle for row, _ in flown)
@@ -67,6 +69,17 @@ def html(flown: Flown, bound_m: Bound) -> str:
         title="A league of laws", kind="League", heading=f"{len(laws)} laws in {len(scenes)} scenes", facts=facts,
         sections=sections,
     )  # fmt: skip
+
+
+def _recorded(flown: Flown, vehicle: str, recorded_m: Recorded) -> page.Table | None:
+    """What the recordings' own methods flew, beside ours that are simulated."""
+    head = ("recorded flights, RMS off the reference, mm", *(f"#{method}" for method in recorded_m))
+    lines = [
+        Line((scene, *(f"{1e3 * of[scene]:.0f}" if scene in of else "–" for of in recorded_m.values())))
+        for scene in _scenes(flown, vehicle)
+        if any(scene in of for of in recorded_m.values())
+    ]
+    return page.table(head, lines)
 
 
 def _tuned(flown: Flown, vehicle: str) -> str:

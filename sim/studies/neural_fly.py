@@ -24,10 +24,16 @@ from formation.trajectory_config import TrajectoryConfig
 from formation.vehicle.profile import BatteryProfile, VehicleProfile
 from sim.scenario import Pose, Scenario, TrueVehicle
 
-WINDS: Mapping[str, str] = MappingProxyType(
-    {"nowind": "0", "35wind": "4.2", "70wind": "8.5", "70p20sint": "8.5 + 2.4 sin t", "100wind": "12.1"}
+SCENES: Mapping[str, str] = MappingProxyType(
+    {
+        "Neural-Fly, 0 m/s": "nowind",
+        "Neural-Fly, 4.2 m/s": "35wind",
+        "Neural-Fly, 8.5 m/s": "70wind",
+        "Neural-Fly, 8.5 + 2.4 sin t": "70p20sint",
+        "Neural-Fly, 12.1 m/s": "100wind",
+    }
 )
-"""The conditions by their names in the files, and the wind's speed, m/s, by the article."""
+"""By the wind's speed as the article has it, and the condition by its name in the files."""
 METHODS = ("baseline", "indi", "L1", "NF-C", "NF-T", "NF")
 PUSHED_BY = "baseline"
 """Whose flight's residual force is replayed."""
@@ -142,16 +148,21 @@ def scenario_of(recording: Recording) -> Scenario:
     return Scenario(name="neural_fly", lab=lab, vehicles=(TrueVehicle(sysid=1, start=Pose(pos_lab_m=(x, y, 0.0))),))
 
 
-def push_lab_m_s2(recording: Recording, since_s: Float) -> Float:
-    """The push (T, 3) so long after the trajectory began (T,); none before it and after the recording's end."""
-    push = np.stack([np.interp(since_s, recording.t_s, force) for force in recording.residual_n.T / VEHICLE.mass_kg], 1)
-    blows = (since_s > 0.0) & (since_s < recording.t_s[-1])
-    risen: Float = np.where(blows, np.minimum(since_s / RISE_S, 1.0), 0.0)
-    return push * risen[:, None]
-
-
 def wind(recording: Recording, step_s: float) -> Float:
     """The push on the leader, none, and on the follower, every step_s from the trajectory's beginning: (K, 2, 3)."""
     since_s: Float = np.arange(0.0, float(recording.t_s[-1]), step_s)
-    pushed = push_lab_m_s2(recording, since_s)
+    pushes = [np.interp(since_s, recording.t_s, force) for force in recording.residual_n.T / VEHICLE.mass_kg]
+    pushed = np.stack(pushes, axis=1) * np.minimum(since_s / RISE_S, 1.0)[:, None]
     return np.stack([np.zeros_like(pushed), pushed], axis=1)
+
+
+def flown_rms_m(folder: Path) -> dict[str, dict[str, float]]:
+    """RMS distance from the reference of the article's own flights there, by method and scene; RecordingError."""
+    return {
+        method: {
+            scene: read(path).rms_m
+            for scene, wind in SCENES.items()
+            if (path := path_of(folder, method, wind)).is_file()
+        }
+        for method in METHODS
+    }

@@ -5,14 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.neural_fly import flights
-from bench.neural_fly.flights import Job, ReplayedWind
-from formation.messages import Phase, PhaseChange, Reference
-from sim.studies.neural_fly import VEHICLE, Recording, RecordingError, path_of, read
+from sim.studies import league
+from sim.studies.laws import chosen
+from sim.studies.neural_fly import VEHICLE, Recording, RecordingError, flown_rms_m, read, wind
 
 HEADER = ",t,p,p_d,fa,pwm"
 LINE = '{k},{t},"[1.0, 2.0, {z}]","[1.0, 2.0, 3.0]","[5.288, 0.0, -2.644]","[1200.0]"'
-FETCHED = Path(__file__).parents[2].parent / "neural-fly" / "data" / "experiment"
+FETCHED = Path(__file__).parents[3].parent / "neural-fly" / "data" / "experiment"
 """Beside the project."""
 
 
@@ -46,36 +45,25 @@ def test_what_is_no_recording_is_named_by_line_and_column(tmp_path: Path, line: 
         read(path)
 
 
-def recording() -> Recording:
-    """4 s at a point, pushed by 2 m/s^2 along x."""
+def test_the_wind_rises_with_the_recording_and_ends_with_it() -> None:
+    """4 s at a point, pushed by 2 m/s^2 along x; the leader is not."""
     t_s, still = np.array([0.0, 2.0, 4.0]), np.tile([0.25, 0.0, 2.0], (3, 1))
-    return Recording(t_s, still, still, np.tile([2.0 * VEHICLE.mass_kg, 0.0, 0.0], (3, 1)))
-
-
-def reference(vel_m_s: float) -> Reference:
-    v, n, w = np.zeros((1, 3)), np.zeros(1), np.array([[vel_m_s, 0.0, 0.0]])
-    return Reference(0, v, w, v, n, n, n, v, v, v, n, n, np.zeros(1, np.bool_))
-
-
-def test_the_wind_blows_from_when_the_leader_moves_in_formation_until_the_recording_ends() -> None:
-    wind, s = ReplayedWind(recording()), 1_000_000_000
-    wind.receive(reference(0.4), 5 * s)
-    wind.receive(PhaseChange(Phase.FORMATION), 10 * s)
-    wind.receive(reference(0.0), 10 * s)
-    assert wind.start_ns is None
-    assert wind.push_lab_m_s2().tolist() == [0.0, 0.0, 0.0]
-    wind.receive(reference(0.1), 11 * s)
-    for since_s, push in ((0.25, 1.0), (1.0, 2.0), (3.9, 2.0), (4.1, 0.0)):
-        wind.receive(None, 11 * s + round(since_s * s))
-        assert wind.push_lab_m_s2() == pytest.approx([push, 0.0, 0.0])
+    recording = Recording(t_s, still, still, np.tile([2.0 * VEHICLE.mass_kg, 0.0, 0.0], (3, 1)))
+    blown = wind(recording, 0.25)
+    assert blown.shape == (16, 2, 3)
+    assert not blown[:, 0].any()
+    assert blown[[0, 1, 4, 15], 1] == pytest.approx(np.outer([0.0, 1.0, 2.0, 2.0], [1.0, 0.0, 0.0]))
 
 
 @pytest.mark.skipif(not FETCHED.is_dir(), reason=f"no recordings in {FETCHED}: fetch aerorobotics/neural-fly")
 def test_the_recorded_flights_are_those_of_the_article_and_ours_are_closer() -> None:
     """The article's table: 11.4 cm of its baseline and 3.1 of Neural-Fly without wind, 23.5 and 9.4 at 12.1 m/s."""
-    for wind, baseline_cm, best_cm in (("nowind", 11.4, 3.1), ("100wind", 23.5, 9.4)):
-        assert 100.0 * read(path_of(FETCHED, "baseline", wind)).rms_m == pytest.approx(baseline_cm, abs=0.05)
-        assert 100.0 * read(path_of(FETCHED, "NF", wind)).rms_m == pytest.approx(best_cm, abs=0.05)
-        ours = flights.fly(Job("cfc", wind, FETCHED, seed=7))
-        assert ours.outcome == "landed"
+    told = flown_rms_m(FETCHED)
+    for scene, baseline_cm, best_cm in (("Neural-Fly, 0 m/s", 11.4, 3.1), ("Neural-Fly, 12.1 m/s", 23.5, 9.4)):
+        assert 100.0 * told["baseline"][scene] == pytest.approx(baseline_cm, abs=0.05)
+        assert 100.0 * told["NF"][scene] == pytest.approx(best_cm, abs=0.05)
+        (row,) = league.rows([chosen("default")], [scene], [], recordings=FETCHED)
+        ours = league.fly(row)
+        assert ours.outcome == "held"
+        assert ours.rms_m is not None
         assert 100.0 * ours.rms_m < best_cm

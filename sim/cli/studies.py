@@ -18,7 +18,7 @@ from wire.process.system import NOT_RIGHT
 if TYPE_CHECKING:
     from formation.control.presets import Preset
     from formation.vehicle.profile import VehicleProfile
-    from sim.studies.gain_search import Tried, TriedLaw
+    from sim.studies.gain_search import Tried
     from sim.studies.host import Host
     from sim.studies.league import Result, Row
     from sim.studies.robustness import Draw, Sample
@@ -121,11 +121,11 @@ def tune_vehicle(
     vehicle: Annotated[
         str, typer.Argument(metavar="PROFILE", help="A shipped vehicle's name, or a profile's TOML file.")
     ],
-    gains: Annotated[
-        str | None, typer.Option(help="Search this preset's own gains instead: default, pid, geometric.")
-    ] = None,
     law: Annotated[
-        str | None, typer.Option(metavar="NAME|FILE.py", help="Search the options of this own law instead.")
+        str | None,
+        typer.Option(
+            metavar="LAW", help="Search this law's own gains instead: a control preset, an own law, its file."
+        ),
     ] = None,
     rate_hz: Annotated[float, typer.Option("--rate", help="Mocap frames a second.")] = 100.0,
     delay_s: Annotated[float, typer.Option("--delay", help="Mocap delay, s.")] = 0.008,
@@ -146,9 +146,6 @@ def tune_vehicle(
     console = Console(stderr=as_json, markup=False)
     profile = vehicle_profile(vehicle)
     task = Task(profile, rate_hz, delay_s, noise_m, _host(full))
-    if gains is not None:
-        _search_gains(task, gains, console, as_json)
-        return
     if law is not None:
         _search_law(task, law, out, console, as_json)
         return
@@ -178,48 +175,35 @@ def tune_vehicle(
         raise typer.Exit(FAILED)
 
 
-def _search_gains(task: "Task", name: str, console: Console, as_json: bool) -> None:
-    """The gains of one preset's followers."""
-    from sim.studies import gain_search
-    from sim.studies.runner import Runner
-
-    def show(found: "Tried") -> None:
-        console.print(f"cost {found.cost:7.2f}  {found.gains.follower}  {found.gains.observer}", highlight=False)
-
-    try:
-        best = gain_search.search(task, name, Runner(console), show)
-    except ValueError as error:
-        raise typer.BadParameter(str(error)) from error
-    if as_json:
-        print(json.dumps({"tuned": _cost(best.cost)} | _gains_of(best.gains)))
-    if not isfinite(best.cost):
-        raise typer.Exit(FAILED)
-
-
 def _search_law(task: "Task", name: str, out: Path | None, console: Console, as_json: bool) -> None:
-    """The options of an own law; they are added to the file `out`, under the law's name and the vehicle's."""
+    """The gains of a preset's followers, or the options of an own law; these are added to the file `out`, under the
+    law's name and the vehicle's."""
     import tomli_w
 
+    from formation.control.presets import Preset
     from sim.studies import gain_search
     from sim.studies.laws import chosen
     from sim.studies.runner import Runner
     from wire.files import read_toml
 
-    def show(found: "TriedLaw") -> None:
-        options = ", ".join(f"{key} = {value:.4g}" for key, value in found.law.law)
-        console.print(f"cost {found.cost:7.2f}  {options}", highlight=False)
+    def show(found: "Tried") -> None:
+        gains = ", ".join(f"{key} = {value:.4g}" for key, value in gain_search.gains_of(found.law).items())
+        observer = f", {found.law.observer}" if isinstance(found.law, Preset) else ""
+        console.print(f"cost {found.cost:7.2f}  {gains}{observer}", highlight=False)
 
+    law = chosen(name)
     try:
-        best = gain_search.search_law(task, chosen(name), Runner(console), show)
+        best = gain_search.search(task, law, Runner(console), show)
         values = read_toml(out) if out is not None and out.exists() else {}
     except (OSError, ValueError) as error:
         raise typer.BadParameter(str(error)) from error
-    options = {key: float(f"{value:.4g}") for key, value in best.law.law}
-    values[best.law.label] = values.get(best.law.label, {}) | {task.profile.name: options}
+    options = {key: float(f"{value:.4g}") for key, value in gain_search.gains_of(best.law).items()}
+    values[law.label] = values.get(law.label, {}) | {task.profile.name: options}
     if out is not None:
         out.write_text(tomli_w.dumps(values), encoding="utf-8")
     if as_json:
-        print(json.dumps({"tuned": _cost(best.cost), "options": options}))
+        found = _gains_of(best.law) if isinstance(best.law, Preset) else {"options": options}
+        print(json.dumps({"tuned": _cost(best.cost)} | found))
     if not isfinite(best.cost):
         raise typer.Exit(FAILED)
 

@@ -65,16 +65,14 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """One flight of one candidate; off: by a vehicle that is not as believed; gains: instead of the shipped ones; law:
-    an own law, by the host of studies; practice: elsewhere than where laws are judged."""
+    """One flight of one candidate; off: by a vehicle that is not as believed; law: instead of the default preset, and
+    elsewhere than where laws are judged; an own law by the host of studies."""
 
     task: Task
     gain_scale: GainScale | None
     experiment: Experiment
     off: bool
-    gains: Preset | None = None
-    law: ChosenLaw | None = None
-    practice: bool = False
+    law: Preset | ChosenLaw | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +156,9 @@ def judge(task: Task, scales: list[GainScale], runner: Runner) -> list[Candidate
 def fly(flight: Flight) -> float:
     """The cost of one flight."""
     scenario = scenario_of(flight)
-    own = None if flight.law is None else flight.law.own(scenario.lab)
-    result, log = host.fly(scenario, SEED, flight.gains, flight.task.host, own)
+    law = flight.law
+    own = law.own(scenario.lab) if isinstance(law, ChosenLaw) else None
+    result, log = host.fly(scenario, SEED, law if isinstance(law, Preset) else None, flight.task.host, own)
     return cost_of(experiments.measure(log, scenario, result, flight.experiment), flight.experiment)
 
 
@@ -181,7 +180,7 @@ def scenario_of(flight: Flight) -> Scenario:
     task = flight.task
     believed = task.profile.model_copy(update={"gain_scale": flight.gain_scale})
     scenario = experiments.scenario_of(Job("cfc", flight.experiment, seed=SEED, vehicle=believed))
-    if flight.practice:
+    if flight.law is not None:
         scenario = practice(scenario, flight.experiment)
     lab = flown_by(scenario.lab, believed, PRESET).model_copy(update={"mocap": task.mocap})
     mocap = scenario.mocap.model_copy(

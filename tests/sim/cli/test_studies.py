@@ -19,7 +19,7 @@ def invoke(*arguments: str) -> tuple[int, str]:
     [
         (("paper", "--vehicle", "brick"), "unknown vehicle profile 'brick'; known: paper_40g, paper_40g_printed"),
         (("paper", "--only", "pdi"), "unknown controller 'pdi'; known: smc, istsmc"),
-        (("tune", "paper_40g", "--gains", "pdi"), "unknown control preset 'pdi'"),
+        (("tune", "paper_40g", "--law", "pdi"), "no package here registers 'pdi' control presets: paper_smc"),
     ],
 )
 def test_what_is_unknown_is_refused_by_name(arguments: tuple[str, ...], said: str) -> None:

@@ -13,6 +13,7 @@ from sim.cli.app import app
 from sim.studies import host, league, league_page, neural_fly
 from sim.studies.laws import chosen, followed_by
 from sim.studies.league import LeagueError, Result, Row, commands_hash, true
+from wire.files import read_toml
 from wire.lab_surroundings import law_in_file
 
 LAWS = Path(__file__).parents[3] / "examples" / "laws"
@@ -96,6 +97,15 @@ def test_the_share_of_what_is_possible_in_the_gust() -> None:
     text = league_page.html([(Row(chosen("pid"), league.GUST, "paper_40g"), result)], {"paper_40g": 0.042})
     assert "42.0 mm possible" in text.replace("\u00a0", " ")
     assert ">52<" in text or ">53<" in text
+
+
+def test_the_shipped_laws_fly_with_the_gains_beside_them(tmp_path: Path) -> None:
+    tuned = league.gains_beside([chosen(str(LAWS / "indi.py")), chosen("pid"), chosen(str(tmp_path / "mine.py"))])
+    assert list(tuned) == ["indi.py"]
+    assert tuned["indi.py"].keys() >= {"paper_40g"}
+    for name, by_vehicle in read_toml(LAWS / league.GAINS).items():
+        for options in by_vehicle.values():
+            assert options.keys() == chosen(str(LAWS / name)).options().keys()
 
 
 def test_a_payload_is_followed_by_settling_within_a_second() -> None:

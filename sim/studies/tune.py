@@ -212,7 +212,7 @@ def practice(scenario: Scenario, experiment: Experiment) -> Scenario:
         leader = lab.leader.model_copy(update={"trajectory": PRACTICE_PATH})
         return scenario.model_copy(update={"lab": lab.model_copy(update={"leader": leader}), "vehicles": ()})
     x, y, z = fan.pos_lab_m
-    other: dict[str, object] = {"pos_lab_m": (y, -x, z), "heading_rad": 0.5 * np.pi}
+    other: dict[str, object] = {"pos_lab_m": (y, x, z), "heading_rad": -0.5 * np.pi}
     if experiment is Experiment.GUST:
         other = {"pos_lab_m": (-x, y, z), "heading_rad": 0.0, "period_s": 3.0, "phase_s": 1.25}
     return scenario.model_copy(update={"air": Disturbance(fan=fan.model_copy(update=other))})

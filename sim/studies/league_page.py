@@ -25,16 +25,14 @@ COLUMNS: tuple[tuple[str, str, float, int], ...] = (
 )
 """Field of `Result`, heading, factor, digits."""
 BEST = " ★"
-ABREAST = 5
-"""Laws beside each other on a terminal of eighty characters."""
+ABREAST, ABREAST_ON_PAGE = 5, 8
+"""Laws beside each other on a terminal of eighty characters, and on the page."""
 
 
 def console_tables(flown: Flown, bound_m: Bound) -> Iterator[Table]:
     """RMS by law and scene, a vehicle after the other, ABREAST laws a table; bound_m: of the gust, by vehicle."""
-    every = _laws(flown)
     for vehicle in dict.fromkeys(row.vehicle for row, _ in flown):
-        for first in range(0, len(every), ABREAST):
-            laws = every[first : first + ABREAST]
+        for laws in _abreast(flown, ABREAST):
             table = Table(title=f"{vehicle}: RMS off the slot, mm", box=box.SIMPLE_HEAD)
             table.add_column("")
             for law in laws:
@@ -50,7 +48,7 @@ def console_tables(flown: Flown, bound_m: Bound) -> Iterator[Table]:
 def html(flown: Flown, bound_m: Bound, recorded_m: Recorded | None = None) -> str:
     """The page: a section a vehicle, a table a figure; bound_m: of the gust, by vehicle; recorded_m: RMS of recorded
     flights, by method and scene."""
-    laws, scenes = _laws(flown), {row.scene for row, _ in flown}
+    laws, scenes = _abreast(flown, ABREAST_ON_PAGE), {row.scene for row, _ in flown}
     facts = ", ".join(f"{name} {value}" for name, value in versions().items())
     sections = [
         Section(
@@ -58,17 +56,18 @@ def html(flown: Flown, bound_m: Bound, recorded_m: Recorded | None = None) -> st
             vehicle,
             f"A star marks the law with the smallest RMS of those that flew to the end.{_tuned(flown, vehicle)}",
             parts=[
-                *(_figure(flown, vehicle, laws, column) for column in COLUMNS),
-                page.table(("", *(f"#{law}" for law in laws)), _shares(flown, vehicle, laws, bound_m)),
+                *(_figure(flown, vehicle, beside, column) for column in COLUMNS for beside in laws),
+                *(
+                    page.table(("", *(f"#{law}" for law in beside)), _shares(flown, vehicle, beside, bound_m))
+                    for beside in laws
+                ),
                 _recorded(flown, vehicle, recorded_m or {}),
             ],
         )
         for vehicle in dict.fromkeys(row.vehicle for row, _ in flown)
     ]
-    return page.render(
-        title="A league of laws", kind="League", heading=f"{len(laws)} laws in {len(scenes)} scenes", facts=facts,
-        sections=sections,
-    )  # fmt: skip
+    heading = f"{sum(map(len, laws))} laws in {len(scenes)} scenes"
+    return page.render(title="A league of laws", kind="League", heading=heading, facts=facts, sections=sections)
 
 
 def _recorded(flown: Flown, vehicle: str, recorded_m: Recorded) -> page.Table | None:
@@ -85,7 +84,7 @@ def _recorded(flown: Flown, vehicle: str, recorded_m: Recorded) -> page.Table | 
 def _tuned(flown: Flown, vehicle: str) -> str:
     """Which laws flew with other options than their own; empty: none."""
     names = dict.fromkeys(row.law.label for row, _ in flown if row.vehicle == vehicle and row.law.law)
-    return f" With options that were given: {', '.join(names)}; league.json has them." if names else ""
+    return f" With options from a file: {', '.join(names)}; league.json has them." if names else ""
 
 
 def _shares(flown: Flown, vehicle: str, laws: Sequence[str], bound_m: Bound) -> Iterator[tuple[str, ...]]:
@@ -144,8 +143,10 @@ def _results(flown: Flown, vehicle: str, scene: str) -> dict[str, Result]:
     return {row.law.label: result for row, result in flown if (row.vehicle, row.scene) == (vehicle, scene)}
 
 
-def _laws(flown: Flown) -> list[str]:
-    return list(dict.fromkeys(row.law.label for row, _ in flown))
+def _abreast(flown: Flown, most: int) -> list[list[str]]:
+    """The laws, so many beside each other at most."""
+    laws = list(dict.fromkeys(row.law.label for row, _ in flown))
+    return [laws[first : first + most] for first in range(0, len(laws), most)]
 
 
 def _scenes(flown: Flown, vehicle: str) -> list[str]:

@@ -160,7 +160,7 @@ class BodyEstimate:
         return lost
 
     def is_attitude_lost(self, now_ns: int) -> bool:
-        """Whether it tumbles, or spins and tilts otherwise than commanded, for longer than a working autopilot lets it.
+        """Whether it tumbles, is upside down, or spins and tilts otherwise than commanded, for too long for a recovery.
 
         Who only spins, as a heavy body does with a weak motor, is let down on what is left; who only tilts otherwise
         may swing, and comes to rest.
@@ -176,9 +176,9 @@ class BodyEstimate:
         self._tumbles_since_ns = _since(self._tumbles_since_ns, t_ns, lasts=tumbles)
 
     def _note_tilt(self, t_ns: int, q_lab_from_flu: Quat) -> None:
-        up = self._commanded_up
+        wanted, up = self._commanded_up, thrust_axis(q_lab_from_flu)
         spins = abs(float(self._rate_flu_rad_s[2])) > _TUMBLES * self._vehicle.rate_yaw_max_rad_s
-        strays = spins and up is not None and sum(map(mul, up, thrust_axis(q_lab_from_flu))) < _STRAYS_COS
+        strays = wanted is not None and (up[2] < 0.0 or (spins and sum(map(mul, wanted, up)) < _STRAYS_COS))
         self._strays_since_ns = _since(self._strays_since_ns, t_ns, lasts=strays)
 
     def _collect_faults(self) -> None:

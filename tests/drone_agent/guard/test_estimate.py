@@ -178,3 +178,20 @@ def test_rest_is_told_by_the_place(noise_m: float, speed_m_s: float, rests: bool
     since_ns = 2_000 * MS
     body.run(4.0, (speed_m_s, 0.0), look)
     assert (longest >= 2_000 * MS) is rests
+
+
+@pytest.mark.parametrize(
+    ("roll_rad", "lasts_ms", "guided", "lost"),
+    [(3.0, 250, True, True), (1.4, 250, True, False), (3.0, 150, True, False), (3.0, 250, False, False)],
+)
+def test_a_body_that_stays_upside_down_under_setpoints_is_lost(
+    roll_rad: float, lasts_ms: int, guided: bool, lost: bool
+) -> None:
+    """A motor that fails a second into a take-off lays a body on its back slowly: it neither tumbles nor spins."""
+    estimate = BodyEstimate(PX4_QUAD, 1)
+    estimate.receive_pose(0, np.array([0.0, 0.0, 0.3]), LEVEL, stands=False)
+    estimate.receive_command(0, 0.5 if guided else nan, LEVEL)
+    over = from_rotation_vector(np.array([roll_rad, 0.0, 0.0]))
+    for t_ns in range(0, lasts_ms * MS, 10 * MS):
+        estimate.receive_attitude(t_ns, AttitudeQuaternion(t_ns // MS, over, np.zeros(3)))
+    assert estimate.is_attitude_lost(lasts_ms * MS) is lost

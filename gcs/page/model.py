@@ -112,8 +112,7 @@ class Model:
             )
         mocap = self._mocap if now_ns - self._mocap_ns < 3 * START_NS else None
         shown = show(self.state, mocap, silent_s, () if self.start is None else self.start.against)
-        newest = self.pushes.newest
-        push = () if newest is None else (("push", Cell(f"{newest[0]}: {newest[1].text}")),)
+        push = (("push", Cell(self.pushes.text)),) if self.pushes.found else ()
         return replace(shown, vital=(*shown.vital, *push, ("rehearsal", rehearsed(self.rehearsal, self._lab_name))))
 
     @property

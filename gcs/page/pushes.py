@@ -22,14 +22,25 @@ class PushFinder:
     """Frames and errors of the last seconds, and what was found in them."""
 
     def __init__(self, config: LabConfig) -> None:
-        self.newest: tuple[str, Push] | None = None
-        """Whose, and how it was met."""
+        self.found: list[tuple[str, Push]] = []
+        """Whose, and how each was met; the newest last."""
         self._config, self._bodies = config, tuple(vehicle.body for vehicle in config.vehicles)
         self._frames: deque[LabFrame] = deque()
         self._errors: deque[tuple[int, Mapping[str, Float]]] = deque()
         self._searched_ns = 0
         self._over_ns: dict[str, int] = {}
         """Until when the pushes of each are known."""
+
+    @property
+    def text(self) -> str:
+        """The newest push, and the mean of all of that body, since noise hides when one began; empty for none."""
+        if not self.found:
+            return ""
+        body, newest = self.found[-1]
+        every = [(push.by_attitude_m, push.flown_m) for whose, push in self.found if whose == body]
+        possible_mm, flown_mm = 1e3 * np.mean(every, axis=0)
+        mean = f"; mean of {len(every)}: {possible_mm:.0f} and {flown_mm:.0f} mm" if len(every) > 1 else ""
+        return f"{body}: {newest.text}{mean}"
 
     def receive_frame(self, frame: LabFrame) -> None:
         """Receive what the cameras saw; a frame that is older than the last, or of other bodies, is left out."""
@@ -80,4 +91,4 @@ class PushFinder:
         for push in found:
             if began_ns + round(push.begin_s * 1e9) > self._over_ns.get(body, 0):
                 self._over_ns[body] = began_ns + round(push.end_s * 1e9)
-                self.newest = body, push
+                self.found.append((body, push))

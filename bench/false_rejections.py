@@ -26,16 +26,16 @@ from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PROFILES
 from mocap.core import MocapCore
 from mocap.sources.csv_file import read_recording
+from sim.faults.poses import NOISE_RAD_PER_M
 from sim.lockstep import run_in_memory
 from sim.scenario import load, with_leader_file
 from sim.shipped import shipped
+from sim.studies.robustness import NOISE_M
 from sim.studies.runner import Runner
 
 AGGRESSIVE = "aggressive"
 PERIOD_NS = 10_000_000
 DELAY_NS = 8_000_000
-NOISE_M = (1e-4, 1e-3)
-NOISE_RAD_PER_M = 10.0
 HIDDEN_SHARE, LOST_SHARE, GAP_EVERY_S, GAP_S = 0.01, 0.01, 20.0, (0.03, 0.5)
 WAVES, AGGRESSIVE_S, ACC_M_S2, SHRINKS = 4, 60.0, 14.0, 5
 VEHICLES = ("paper_40g", "px4_quad", "arducopter_quad")

@@ -10,7 +10,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -51,7 +51,7 @@ from wire.files import make_folder
 from wire.ground_state import Cycles, LogFile, encode
 from wire.logs.live import sharer
 from wire.logs.mcap_write import LogWriter, record_dates
-from wire.process.daemon import READY, Precondition, Watchdog, bus_at, notify, report_missing
+from wire.process.daemon import READY, EventSink, Precondition, Watchdog, bus_at, notify, report_missing
 from wire.process.deadline import Deadline
 from wire.process.output import lost_lines
 from wire.process.program import fail, print_event, print_event_json
@@ -75,8 +75,6 @@ LANDING_LIMIT_NS = 60_000_000_000
 LAW_S, LAW_WALL_S, LAW_USUAL_S = 0.01, 0.05, 0.002
 """For the lab's own laws in one tick: of computing, of any kind, and of computing for each follower more than once;
 setpoints are stale after 0.1 s."""
-
-EventSink = Callable[[Event], None]
 
 
 @dataclass(slots=True)

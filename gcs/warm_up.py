@@ -12,12 +12,12 @@ from formation.maths import frames
 from formation.messages import AttitudeTarget, LabFrame
 from formation.paper.eq2_relative_frame import lead_from_lab
 from formation.safety.attitude_innovation import AttitudeMonitor
+from formation.warm_up import FRAME_NS
 from gcs.core import GcsCore, own_laws
 from wire.link_messages import DRONE_COMPONENT, GROUND, Address
 from wire.mavlink.batches import PoseBatch, SetpointBatch
 from wire.process.deadline import Deadline
 
-FRAME_NS = 10_000_000
 LAW_S = 5.0
 """For the lab's own laws in one imagined tick, in which they may compile, too."""
 

@@ -48,7 +48,7 @@ class Proto(IntEnum):
 T = TypeVar("T")
 
 
-VARINT, _FIXED64, BYTES, _FIXED32 = 0, 1, 2, 5
+VARINT, _FIXED64, BYTES, FIXED32 = 0, 1, 2, 5
 _SFIXED64 = struct.Struct("<q")
 _DOUBLE = struct.Struct("<d")
 
@@ -274,7 +274,7 @@ def tagged(data: bytes) -> Iterable[tuple[int, Any]]:
         wire = tag & 7
         if wire == _FIXED64:
             size = 8
-        elif wire == _FIXED32:
+        elif wire == FIXED32:
             size = 4
         elif wire in (BYTES, VARINT):
             size = data[at]

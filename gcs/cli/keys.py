@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from wire.errors import ConfigError
-from wire.process.program import Json, LabFile, configuration, fail
+from wire.process.program import LAB, Json, LabFile, configuration, fail
 from wire.process.system import NOT_RIGHT, REJECTED
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ app = typer.Typer(
 )  # fmt: skip
 Who = Annotated[str, typer.Argument(metavar="NAME", help="An identity, as `gcs keys list` names it: drone-2.")]
 Lab = Annotated[Path, typer.Option("--lab", help="The lab file.")]
-LAB = Path("lab.toml")
 
 
 @app.command()

@@ -22,9 +22,7 @@ from sim.cli.flights import compile_everything, fail
 from sim.studies.runner import Runner
 from sim.world import T0_NS
 from wire.logs.mcap_write import LogWriter
-from wire.process.system import NOT_RIGHT
-
-FAILED = 1
+from wire.process.system import NOT_RIGHT, REJECTED
 
 
 def run_table(only: tuple[str, ...], workers: int | None, as_json: bool) -> None:
@@ -44,7 +42,7 @@ def run_table(only: tuple[str, ...], workers: int | None, as_json: bool) -> None
     uncontained = sum(not verdict.contained for verdict in flown.values())
     console.print(f"{len(flown)} faults, {uncontained} not contained", highlight=False)
     if uncontained:
-        raise typer.Exit(FAILED)
+        raise typer.Exit(REJECTED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +85,7 @@ def run_campaign(asked: CampaignOptions, workers: int | None, scheduler: str | N
     for name, behind in controls.REDUNDANT.items() if shares and not asked.only else ():
         console.print(f"without {name}: no control, {behind}", style="dim", highlight=False)
     if result.failures or not all(share.shows for share in shares.values()):
-        raise typer.Exit(FAILED)
+        raise typer.Exit(REJECTED)
 
 
 def drawn_by(seed: int, families: tuple[str, ...], vehicle: str) -> Draw:
@@ -121,7 +119,7 @@ def run_again(run: str, draw: Callable[[int], Draw], log: Path | None, as_json: 
     for violation in verdict.violations:
         console.print(f"{violation.t_s:7.2f} s  {violation.kind}: {violation.text}", highlight=False)
     if not verdict.contained:
-        raise typer.Exit(FAILED)
+        raise typer.Exit(REJECTED)
 
 
 def _workers(workers: int | None, scheduler: str | None, console: Console) -> Workers:

@@ -17,6 +17,7 @@ from formation.maths.arrays import Bool
 from formation.messages import Phase
 from formation.vehicle.profile import VehicleProfile, profile
 from sim.cameras.emulator import EmulatorConfig, Gap
+from sim.faults.poses import NOISE_RAD_PER_M
 from sim.scenario import LinkModel, Scenario, TrueVehicle, flown_by, load
 from sim.studies import host, push
 from sim.studies.experiments import FORMATION_S, SCENARIOS, Experiment
@@ -27,7 +28,6 @@ CURVE = 0.1
 LAG = 0.5
 DELAY_MAX = 2.0
 NOISE_M = (0.0001, 0.001)
-NOISE_RAD_PER_M = 10.0
 RATES_HZ = (50.0, 100.0, 240.0)
 DROPOUT_S = 0.05
 WITHOUT_ACCELEROMETER = 0.2

@@ -21,7 +21,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from wire.logs.mcap_read import clock_of
-from wire.logs.mcap_scan import read_chunk, uncompressed
+from wire.logs.mcap_scan import MESSAGE, RECORD_HEAD, read_chunk, uncompressed
 
 T = TypeVar("T")
 
@@ -31,7 +31,6 @@ CHUNK_MOST = 8 << 20
 """Bytes of a chunk when unpacked; of ours, 20 to 200 ms of a flight, one has a hundredth of that."""
 HEAD_EVERY = 25
 """Chunks: half a second in flight."""
-_RECORD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 
 
 class Bus(Protocol):
@@ -71,7 +70,7 @@ def sharer(bus: Bus, gcs_name: str) -> Callable[[bytes, bytes], None]:
 
 def _messages(chunk: bytes, channels: Container[int]) -> Iterator[tuple[int, int, bytes]]:
     """(channel, date, data) of a chunk's messages; it is unpacked only so far as it says and CHUNK_MOST allows."""
-    record = read_chunk(chunk[_RECORD.size :])
+    record = read_chunk(chunk[RECORD_HEAD.size :])
     if record is None or record.uncompressed_size > CHUNK_MOST:
         raise ValueError(f"{len(chunk)} bytes that are no chunk, or one that is too large")
     raw = uncompressed(record, zstandard.ZstdDecompressor())
@@ -79,12 +78,12 @@ def _messages(chunk: bytes, channels: Container[int]) -> Iterator[tuple[int, int
         raise ValueError(f"a chunk of {len(chunk)} bytes that says it holds {record.uncompressed_size}")
     at = 0
     while at < len(raw):
-        opcode, length = _RECORD.unpack_from(raw, at)
-        at += _RECORD.size
+        opcode, length = RECORD_HEAD.unpack_from(raw, at)
+        at += RECORD_HEAD.size
         if opcode == Opcode.MESSAGE:
-            channel, _, unix_ns, _ = _MESSAGE.unpack_from(raw, at)
+            channel, _, unix_ns, _ = MESSAGE.unpack_from(raw, at)
             if channel in channels:
-                yield channel, unix_ns, raw[at + _MESSAGE.size : at + length]
+                yield channel, unix_ns, raw[at + MESSAGE.size : at + length]
         at += length
 
 

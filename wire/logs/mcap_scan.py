@@ -24,7 +24,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from wire.text import plain
 
-_HEAD, _MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
+RECORD_HEAD, MESSAGE = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 _CHUNK, _LENGTH = struct.Struct("<QQQII"), struct.Struct("<Q")
 _FOOTER_SIZE = 9 + 20
 # A chunk's compression, so far behind the chunk's first byte: what a search for the next one looks for.
@@ -115,16 +115,16 @@ def _summary(data: mmap.mmap) -> Iterator[Schema | Channel]:
         return
     for at, opcode, stop in _walk(data, start, footer_at):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            record = _parse(opcode, data[at + _HEAD.size : stop])
+            record = _parse(opcode, data[at + RECORD_HEAD.size : stop])
             if isinstance(record, Schema | Channel):
                 yield record
 
 
 def _walk(data: mmap.mmap | bytes, at: int, end: int) -> Iterator[tuple[int, int, int]]:
     """(position, opcode, position behind it) of the records from `at`, as long as they fit before `end`."""
-    while at + _HEAD.size <= end:
-        opcode, length = _HEAD.unpack_from(data, at)
-        stop = at + _HEAD.size + length
+    while at + RECORD_HEAD.size <= end:
+        opcode, length = RECORD_HEAD.unpack_from(data, at)
+        stop = at + RECORD_HEAD.size + length
         if stop > end:
             return
         yield at, opcode, stop
@@ -207,7 +207,7 @@ class _Scanner:
             return None
         if opcode == Opcode.MESSAGE:  # as a log without chunks holds it
             return Messages(self._data[position:stop])
-        return _parse(opcode, self._data[position + _HEAD.size : stop])
+        return _parse(opcode, self._data[position + RECORD_HEAD.size : stop])
 
     def _chunk(self, position: int) -> Messages | None:
         """The records of the chunk at `position`, None if there is no sound one."""
@@ -224,12 +224,12 @@ class _Scanner:
 
     def _unpack(self, position: int) -> Messages | None:
         data = self._data
-        opcode, length = _HEAD.unpack_from(data, position)
-        stop = position + _HEAD.size + length
+        opcode, length = RECORD_HEAD.unpack_from(data, position)
+        stop = position + RECORD_HEAD.size + length
         if opcode != Opcode.CHUNK or stop > len(data):
             return None
         self._spend(length)
-        chunk = read_chunk(data[position + _HEAD.size : stop])
+        chunk = read_chunk(data[position + RECORD_HEAD.size : stop])
         if chunk is None or chunk.uncompressed_size > CHUNK_MOST:
             return None
         self._spend(chunk.uncompressed_size)
@@ -324,7 +324,7 @@ def _unpacked(raw: bytes) -> Iterator[object]:
     """What others write into chunks: schemas, channels, and of messages the channel's number, the date and the data."""
     for at, opcode, stop in _walk(raw, 0, len(raw)):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            yield _parse(opcode, raw[at + _HEAD.size : stop])
-        elif opcode == Opcode.MESSAGE and stop - at >= _HEAD.size + _MESSAGE.size:
-            number, _, unix_ns, _ = _MESSAGE.unpack_from(raw, at + _HEAD.size)
-            yield number, unix_ns, raw[at + _HEAD.size + _MESSAGE.size : stop]
+            yield _parse(opcode, raw[at + RECORD_HEAD.size : stop])
+        elif opcode == Opcode.MESSAGE and stop - at >= RECORD_HEAD.size + MESSAGE.size:
+            number, _, unix_ns, _ = MESSAGE.unpack_from(raw, at + RECORD_HEAD.size)
+            yield number, unix_ns, raw[at + RECORD_HEAD.size + MESSAGE.size : stop]

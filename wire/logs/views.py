@@ -37,14 +37,13 @@ from formation.topics import Topic
 from wire.link_messages import GROUND, Battery, ExtendedSysState, Heartbeat, LandedState, NamedValue, Packet, SysStatus
 from wire.logs import scene
 from wire.mavlink.codec import Codec
-from wire.schema import schema_of
+from wire.schema import BYTES, FIXED32, schema_of
 
 STATE_NAME = "formation.DroneState"
 _VECTORS = ("pos", "vel", "att", "dist", "ref", "err", "acc")
 _SCALARS = ("thrust", "age_s")
 _COMMANDED_ALONE = frozenset({"ref", "err", "acc", "thrust"})
 _PARTS = {"Vector": ("x", "y", "z"), "Angles": ("roll", "pitch", "yaw")}
-_LENGTH, _FIXED32 = 2, 5
 _VECTOR_SIZE = 3 * 5
 
 
@@ -75,12 +74,12 @@ class _Rows:
             if name not in fields:
                 continue
             if name in _VECTORS:
-                template += bytes((number << 3 | _LENGTH, _VECTOR_SIZE))
+                template += bytes((number << 3 | BYTES, _VECTOR_SIZE))
                 offsets[name] = len(template) + 1
-                template += b"".join(bytes((part << 3 | _FIXED32, 0, 0, 0, 0)) for part in (1, 2, 3))
+                template += b"".join(bytes((part << 3 | FIXED32, 0, 0, 0, 0)) for part in (1, 2, 3))
             else:
                 offsets[name] = len(template) + 1
-                template += bytes((number << 3 | _FIXED32, 0, 0, 0, 0))
+                template += bytes((number << 3 | FIXED32, 0, 0, 0, 0))
         self._count, self._size = count, len(template)
         self._bytes = np.tile(np.frombuffer(template, np.uint8), count)
         self._of: dict[str, NDArray[np.float32]] = {

@@ -22,7 +22,7 @@ from wire.errors import BusError
 from wire.ros2.message_types import CdrError, MessageType, Values, message_type
 from wire.transport.link import LinkCounters
 from wire.transport.zenoh_bus import LARGEST_PAYLOAD, Inbox
-from wire.transport.zenoh_session import zenoh_config
+from wire.transport.zenoh_session import RETRY, zenoh_config
 
 _ATTACHED = struct.Struct("<qqB16s")
 _GID_BYTES = 16
@@ -31,7 +31,6 @@ _QOS, _LATCHED_QOS = "::,10:,:,:,,", ":1:,1:,:,:,,"
 """Reliable, volatile, the last ten kept; and transient local, the last one kept."""
 # A client's first connection is waited for in a thread, which nothing ends; later ones Zenoh tries for ever.
 _CONNECT_MS, _AGAIN_S = 1000, 0.1
-_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 
 Receive = Callable[[str, bytes, int], None]
 """Receives a message: its type's name in keys, its CDR, and when it came (the node's clock, ns)."""
@@ -203,7 +202,7 @@ def _configuration(router: str) -> zenoh.Config:
         "mode": "client",
         "connect/endpoints": [router],
         "connect/timeout_ms": _CONNECT_MS,
-        "connect/retry": _RETRY,
+        "connect/retry": RETRY,
         "scouting/multicast/enabled": False,
         "transport/shared_memory/enabled": False,
     }

@@ -31,7 +31,7 @@ from wire.schema import Schema, SchemaError, schema_of
 from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.text import plain
 from wire.transport.link import BACKLOG_MAX, PAUSE_S, Deliver, Intake, LinkCounters
-from wire.transport.zenoh_session import open_session, request_key
+from wire.transport.zenoh_session import ASK_AGAIN_S, REPLY, REQUEST, open_session, request_key
 
 T = TypeVar("T")
 
@@ -186,8 +186,6 @@ Reply = Callable[[OperatorReply], None]
 Handler = Callable[[OperatorRequest, Reply], None]
 
 _TRUTH: Schema[Truth] = schema_of(Truth)
-_REQUEST: Schema[OperatorRequest] = schema_of(OperatorRequest)
-_REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
 
 _EXPRESS = ("mocap/raw", "mocap/frame")  # one at a time, and the control waits for it
 _IDLE = ("/log/head", "/log/chunk")  # for viewers: behind everything else
@@ -198,7 +196,6 @@ _URGENT = (Verb.STOP, Verb.LAND, Verb.HOLD)
 LARGEST_PAYLOAD = 1 << 18
 """Bytes of a payload that are read: a frame of a thousand bodies, a state of hundreds of drones, a quarter of it."""
 LARGEST_REQUEST, LONGEST_SOURCE = 1024, 64
-_ASK_AGAIN_S = 0.05
 _OTHERS_S, _OTHERS_MOST = 0.5, 8
 
 
@@ -424,11 +421,11 @@ class ZenohBus:
         key = request_key(self.lab, gcs_name, self._certificate_name)
         try:
             async with asyncio.timeout(timeout_s):
-                while (data := await self._get(key, _REQUEST.encode(request), timeout_s)) is None:
-                    await asyncio.sleep(_ASK_AGAIN_S)
+                while (data := await self._get(key, REQUEST.encode(request), timeout_s)) is None:
+                    await asyncio.sleep(ASK_AGAIN_S)
         except TimeoutError as error:
             raise TimeoutError(f"no answer on {key} within {timeout_s:g} s") from error
-        return _REPLY.decode(data)
+        return REPLY.decode(data)
 
     def _publisher_of(self, key: str) -> zenoh.Publisher:
         """The publisher of a key of the lab, made once."""
@@ -474,7 +471,7 @@ class ZenohBus:
 
         def reply(answer: OperatorReply) -> None:
             try:
-                query.reply(key, _REPLY.encode(answer))
+                query.reply(key, REPLY.encode(answer))
             except zenoh.ZError:  # the one who asked has gone
                 self.counters.dropped += 1
             query.drop()  # type: ignore[no-untyped-call]
@@ -504,6 +501,6 @@ def _request(query: zenoh.Query) -> OperatorRequest | None:
     """The request in a query; None where it is none, or too long."""
     payload = b"" if query.payload is None or len(query.payload) > LARGEST_REQUEST else query.payload.to_bytes()
     try:
-        return _REQUEST.decode(payload) if payload else None
+        return REQUEST.decode(payload) if payload else None
     except SchemaError:
         return None

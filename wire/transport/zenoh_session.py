@@ -15,15 +15,15 @@ from wire.process.system import CLOSING
 from wire.schema import Schema, schema_of
 from wire.security.bus_access import LOCAL, BusAccess, connectable
 
-_REQUEST: Schema[OperatorRequest] = schema_of(OperatorRequest)
-_REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
+REQUEST: Schema[OperatorRequest] = schema_of(OperatorRequest)
+REPLY: Schema[OperatorReply] = schema_of(OperatorReply)
 
 # Zenoh's errors end in a line of its own source, which does not help an operator.
 _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+\.?")
 FIND_S = 0.5
 """How long a ground is looked for that is not there: on a busy machine one answers within a tenth of a second."""
 _REMEDY = "Start it with `gcs run lab.toml`; --lab and --name say which one is meant, --timeout to wait for it"
-_ASK_AGAIN_S, _STOP_AGAIN_S, _CONNECT_TIMEOUT_S = 0.05, 0.2, 0.2
+ASK_AGAIN_S, _STOP_AGAIN_S, _CONNECT_TIMEOUT_S = 0.05, 0.2, 0.2
 # Batches that may wait for the sender's thread, as many as Zenoh allows. An express put takes one for itself: with
 # Zenoh's own two, a busy machine dropped one frame in twenty, and one in nine events sent right after a frame.
 _QUEUED_BATCHES = 16
@@ -33,7 +33,7 @@ _UNGREETED, _GREETING_MS = 1024, 2000
 # How long opening waits for peers and what they declare; a notice may be lost in it. Who only asks, asks again instead.
 _ASKING_DELAY_MS, _DELAY_MS = 50, 500
 _CLOSE_S = 0.1
-_RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
+RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def ask(
     """
     begun_ns = clock.monotonic_ns()
     deadline_ns = begun_ns + round(patience.answer_s * 1e9)
-    key, payload = request_key(lab, gcs_name, access.name), _REQUEST.encode(request)
+    key, payload = request_key(lab, gcs_name, access.name), REQUEST.encode(request)
     session, is_there = open_session((), connect, lab, access, asks=True), False
     answers: list[bytes] = []
     try:
@@ -114,11 +114,11 @@ def ask(
             wait_s = min(left_s, _STOP_AGAIN_S) if request.verb is Verb.STOP else left_s
             is_there = not ended.wait(wait_s)  # else the query has ended at once: nobody serves the key
             if answers:
-                return _REPLY.decode(answers[0])
+                return REPLY.decode(answers[0])
             if not is_there and _is_out_of_patience((clock.monotonic_ns() - begun_ns) * 1e-9, connect, patience):
                 break
             if not is_there:
-                Event().wait(_ASK_AGAIN_S)
+                Event().wait(ASK_AGAIN_S)
         if not is_there:
             raise _no_ground(key, connect)
     finally:
@@ -181,7 +181,7 @@ def _configuration(listen: Sequence[str], connect: Sequence[str], access: BusAcc
         "connect/endpoints": [endpoint for endpoint in connects if endpoint not in listens],
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
-        "connect/retry": _RETRY,
+        "connect/retry": RETRY,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
         "scouting/delay": _ASKING_DELAY_MS if asks else _DELAY_MS,

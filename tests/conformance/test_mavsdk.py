@@ -18,7 +18,7 @@ from mavsdk.plugins.mocap.mocap import (
     Quaternion,
     VisionPositionEstimate,
 )
-from mavsdk.plugins.offboard.offboard import Attitude, OffboardError, OffboardResult, PositionNedYaw
+from mavsdk.plugins.offboard.offboard import Attitude, PositionNedYaw
 from mavsdk.plugins.param.param import ParamError
 from mavsdk.plugins.telemetry.telemetry import FlightMode, LandedState
 
@@ -198,17 +198,3 @@ def test_flies_on_a_mocap_pose_and_not_without(drone: Client) -> None:
     finally:
         stop.set()
         sender.join(5.0)
-
-
-def test_failures_are_told_apart(drone: Client) -> None:
-    drone.be_ready()
-    with pytest.raises(OffboardError, match=OffboardResult.NO_SETPOINT_SET.name):
-        drone.offboard.start()
-    with pytest.raises(ActionError) as unknown:
-        drone.action.set_relay(1, 1)
-    assert unknown.value.result in (ActionResult.UNSUPPORTED, ActionResult.COMMAND_DENIED)
-    set_mode(drone, 6.0)
-    drone.first("flight_mode", lambda mode: mode == FlightMode.OFFBOARD)
-    with pytest.raises(ActionError) as no_stream:
-        drone.action.arm()
-    assert no_stream.value.result == ActionResult.COMMAND_DENIED

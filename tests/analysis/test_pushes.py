@@ -19,7 +19,7 @@ from sim.studies.experiments import Experiment, Job, scenario_of
 @pytest.mark.parametrize("vehicle", ["paper_40g", "px4_quad", "crazyflie_27g"])
 def test_each_gust_is_found_with_the_bound_of_the_true_push(vehicle: str) -> None:
     """Each pass of the fan is a push, found within 30 ms of its beginning, which noise hides; its bound is within 30 %
-    of that of the push that the drone met from then on, in the mean within 15 %, the flown deviation that of the path."""
+    of that of the push that the drone met from then on, in the mean within 15 %; the flown deviation is the true."""
     scenario = scenario_of(Job("cfc", Experiment.GUST, 1, vehicle=profile(vehicle)))
     _, flight = host.fly(scenario, 1)
     found = [push for _, push in pushes.found(flight)]

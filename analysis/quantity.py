@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 UNKNOWN = "–"
-FACTORS = {"mm": 1e3, "%": 1e2, "% of push": 1e2}
-"""Units that are not the program's own."""
+FACTORS = {"mm": 1e3, "%": 1e2}
+"""By the first word of units that are not the program's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Quantity:
 
     def text(self, value: float | None) -> str:
         """A value as it is printed; a dash for none."""
-        return UNKNOWN if value is None else f"{FACTORS.get(self.unit, 1.0) * value:{self.form}}"
+        return UNKNOWN if value is None else f"{FACTORS.get(self.unit.split()[0], 1.0) * value:{self.form}}"
 
     def of(self, result: object) -> str:
         """The field of a result, as it is printed."""

@@ -9,21 +9,21 @@ from rich.table import Table
 from analysis import page
 from analysis.page import Row as Line
 from analysis.page import Section
+from analysis.quantity import UNKNOWN, Quantity
 from formation.codes import GOOD_RESULTS
 from sim.studies.league import GUST, Recorded, Result, Row, cost, versions
 
 Flown = Sequence[tuple[Row, Result]]
 Bound = Mapping[str, float]
-COLUMNS: tuple[tuple[str, str, float, int], ...] = (
-    ("rms_m", "RMS, mm", 1e3, 2),
-    ("max_m", "largest, mm", 1e3, 1),
-    ("outside_share", "beyond 1 cm, % of the time", 1e2, 1),
-    ("settle_s", "settling, s", 1.0, 2),
-    ("chatter_deg", "chatter, degrees a frame", 1.0, 3),
-    ("thrust_std", "spread of the thrust, %", 1e2, 2),
-    ("cpu_us", "µs a drone and frame", 1.0, 0),
+COLUMNS = (
+    Quantity("rms_m", "RMS", "mm", ".2f"),
+    Quantity("max_m", "largest", "mm", ".1f"),
+    Quantity("outside_share", "beyond 1 cm", "% of the time", ".1f"),
+    Quantity("settle_s", "settling", "s", ".2f"),
+    Quantity("chatter_deg", "chatter", "° a frame", ".3f"),
+    Quantity("thrust_std", "spread of the thrust", "%", ".2f"),
+    Quantity("cpu_us", "processor", "µs a drone and frame", ".0f"),
 )
-"""Field of `Result`, heading, factor, digits."""
 BEST = " ★"
 ABREAST, ABREAST_ON_PAGE = 5, 8
 """Laws beside each other on a terminal of eighty characters, and on the page."""
@@ -74,7 +74,7 @@ def _recorded(flown: Flown, vehicle: str, recorded_m: Recorded) -> page.Table | 
     """What the recordings' own methods flew, beside ours that are simulated."""
     head = ("recorded flights, RMS off the reference, mm", *(f"#{method}" for method in recorded_m))
     lines = [
-        Line((scene, *(f"{1e3 * of[scene]:.0f}" if scene in of else "–" for of in recorded_m.values())))
+        Line((scene, *(f"{1e3 * of[scene]:.0f}" if scene in of else UNKNOWN for of in recorded_m.values())))
         for scene in _scenes(flown, vehicle)
         if any(scene in of for of in recorded_m.values())
     ]
@@ -92,36 +92,31 @@ def _shares(flown: Flown, vehicle: str, laws: Sequence[str], bound_m: Bound) -> 
     here = _results(flown, vehicle, GUST)
     if vehicle in bound_m and here:
         largest_m = (here[law].max_m if law in here and cost(here[law]) < np.inf else None for law in laws)
-        shares = ("–" if most is None else f"{100.0 * bound_m[vehicle] / most:.0f}" for most in largest_m)
+        shares = (UNKNOWN if most is None else f"{100.0 * bound_m[vehicle] / most:.0f}" for most in largest_m)
         yield (f"gust: {1e3 * bound_m[vehicle]:.1f} mm possible, % of largest", *shares)
 
 
-def _figure(flown: Flown, vehicle: str, laws: Sequence[str], column: tuple[str, str, float, int]) -> page.Table | None:
+def _figure(flown: Flown, vehicle: str, laws: Sequence[str], column: Quantity) -> page.Table | None:
     """None where no scene has the figure."""
-    head = (column[1], *(f"#{law}" for law in laws))
+    head = (column.heading, *(f"#{law}" for law in laws))
     scenes = [
         scene
         for scene in _scenes(flown, vehicle)
-        if any(getattr(result, column[0]) is not None for result in _results(flown, vehicle, scene).values())
+        if any(getattr(result, column.field) is not None for result in _results(flown, vehicle, scene).values())
     ]
     return page.table(head, [Line((scene, *_cells(flown, vehicle, scene, laws, column))) for scene in scenes])
 
 
-def _cells(
-    flown: Flown, vehicle: str, scene: str, laws: Sequence[str], column: tuple[str, str, float, int]
-) -> Iterator[str]:
-    field, _, factor, digits = column
+def _cells(flown: Flown, vehicle: str, scene: str, laws: Sequence[str], column: Quantity) -> Iterator[str]:
     here = _results(flown, vehicle, scene)
     for law in laws:
         result = here.get(law)
         if result is None:
-            yield "–"
+            yield UNKNOWN
         elif result.outcome not in GOOD_RESULTS:
             yield result.outcome
         else:
-            value = getattr(result, field)
-            mark = BEST if field == "rms_m" and _best(here.values()) is result else ""
-            yield ("–" if value is None else f"{factor * value:.{digits}f}") + mark
+            yield column.of(result) + (BEST if column is COLUMNS[0] and _best(here.values()) is result else "")
 
 
 def _best(results: Iterable[Result]) -> Result | None:

@@ -28,12 +28,6 @@ def reaction_s(scenario: Scenario) -> float:
     return scenario.mocap.delay_s + scenario.link.down_s + inside_s
 
 
-def seen_s(scenario: Scenario, push_m_s2: Float) -> float:
-    """An estimate, not a bound: from the beginning of the push until it has moved the drone by the mocap's noise."""
-    moved_m = np.cumsum(np.cumsum(push_m_s2)) * STEP_S**2
-    return STEP_S * float(np.argmax(moved_m > scenario.mocap.noise_m))
-
-
 def gust_push(scenario: Scenario) -> Float:
     """The first pass of the scenario's fan over the place that its follower holds, (T) every STEP_S, m/s^2, along the
     push, from its beginning on; ValueError without a fan."""

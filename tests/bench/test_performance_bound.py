@@ -55,6 +55,6 @@ def test_the_bound_is_that_of_the_vehicle_asked_for(tmp_path: Path, capsys: pyte
     bounds = []
     for name in ("paper_40g", str(own)):
         main(name)
-        bounds.append(float(capsys.readouterr().out.split("acts after 40.0 ms:")[1].split("mm at least")[0]))
+        bounds.append(float(capsys.readouterr().out.split("by motors:")[1].split("mm at least")[0]))
     easy, hard = bounds
     assert hard > 3.0 * easy

@@ -171,7 +171,7 @@ class LimitsConfig(Model):
     """What no command may exceed."""
 
     tilt_rad: Tilt = 0.6
-    """Largest tilt that an attitude target asks for. An autopilot that adds its body rates may tilt further in a push."""
+    """Largest tilt that an attitude target asks for. Body rates beside it may tilt a drone further in a push."""
     speed_m_s: Positive = 3.0
     """Largest speed that is commanded."""
     min_separation_m: Positive = 0.2

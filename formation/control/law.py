@@ -43,7 +43,6 @@ from formation.paper.eq56_super_twisting import (
 )
 
 HORIZON_MAX_NS = 400_000_000
-RATE_STEP_NS = 10_000_000  # over which a reference's rate of acceleration is taken
 HORIZONTAL, VERTICAL = 0, 1  # the channels, each with a workspace of its own
 STEP_MAX_S = 0.1
 SMC, CFC, PID, GEOMETRIC = int(Law.SMC), int(Law.CFC), int(Law.PID), int(Law.GEOMETRIC)
@@ -167,8 +166,8 @@ def _horizontal_demand(
     lag_s = known.observers[n].response.attitude_lag_s
     arrival_ns = now_ns + int(attitude_dead_s(known.estimates[n], known.observers[n]) * 1e9)
     hold_ns = arrival_ns if law.compensate else known.estimates[n].t_ns
-    later_ns, caught_up_ns = hold_ns + RATE_STEP_NS, hold_ns + int(lag_s * 1e9)
-    situation(i, n, context, hold_ns, later_ns if law.compensate else NEVER_NS, w)
+    lag_ns = int(lag_s * 1e9)
+    situation(i, n, context, hold_ns, lag_ns // 2 if law.compensate else 0, w)
     gain = _adaptive_gain(i, law, context)
     boost = gain**law.lag_compensation.p1_power
     for axis in range(2):
@@ -188,7 +187,7 @@ def _horizontal_demand(
     _into_lab(w.frame[0, 3], w.feedback_rate)
     copy_motion(w.mine, out.motion)
     if not law.compensate:  # its turn is bounded from the arrival's force all the same
-        motion_at(known, n, arrival_ns, w.lead_later, w.force)
+        motion_at(known, n, arrival_ns, w.lead_other, w.force)
     for axis in range(3):
         out.specific_force_lab_m_s2[axis] = w.force[axis]
     pull = law.lag_compensation.gain * gain**law.lag_compensation.gain_power - 1.0
@@ -198,7 +197,7 @@ def _horizontal_demand(
     for axis in range(2):
         if law.compensate:
             z3 = disturbance_at(known, n, axis, hold_ns)
-            rising = disturbance_at(known, n, axis, caught_up_ns) - z3 if uses_disturbance(law.horizontal) else 0.0
+            rising = disturbance_at(known, n, axis, hold_ns + lag_ns) - z3 if uses_disturbance(law.horizontal) else 0.0
             drag_1_s = known.observers[n].drag_1_s[axis]
             _invert_lag(axis, lag_s, law.lag_compensation.rate, pull, z3, rising, drag_1_s, w, out)
 
@@ -218,7 +217,7 @@ def _vertical_demand(
     known, n = context.known, law.vehicle
     dead_s, lag_s = known.observers[n].response.thrust_dead_s, known.observers[n].response.thrust_lag_s
     hold_ns = now_ns + int(dead_s * 1e9)
-    situation(i, n, context, hold_ns, hold_ns + RATE_STEP_NS, w)
+    situation(i, n, context, hold_ns, int(lag_s * 1e9) // 2, w)
     out.yaw_rad, out.yaw_rate_rad_s = w.lab[0, 3], w.lab[1, 3]
     z3 = known.estimates[n].dist_lab_m_s2[2]
     for axis in range(2, 3):  # as a plain 2 it would be a type of its own to numba, and compiled again
@@ -371,12 +370,12 @@ def _invert_lag(
 ) -> None:  # fmt: skip
     """What is added to one axis's demand to invert the lag: lag_s times the demand's rate when the command holds.
 
-    share: of the feedback's own rate that is sent ahead; z3, rising: Z3 then, and what it rises by in the lag (a guess,
-    which decays); drag_1_s: see ObserverSettings, for the drag too is needed ahead; pull: how much harder than needed
-    the command pulls at what the predicted acceleration misses.
+    The reference's rate is its mean over the lag about then. share: of the feedback's own rate that is sent ahead; z3,
+    rising: Z3 then, and what it rises by in the lag (a guess, which decays); drag_1_s: see ObserverSettings, for the
+    drag too is needed ahead; pull: how much harder than needed the command pulls at what the predicted acceleration
+    misses.
     """
-    step = w.lab_later[2, axis] - w.lab[2, axis] + drag_1_s * (w.lab_later[1, axis] - w.lab[1, axis])
-    out.acc_rate_lab_m_s3[axis] = step / (RATE_STEP_NS * SECONDS)
-    rate = out.acc_rate_lab_m_s3[axis] + share * w.feedback_rate[axis]
+    coming = w.lab_change[2, axis] + drag_1_s * w.lab_change[1, axis]
+    out.acc_rate_lab_m_s3[axis] = coming / lag_s
     missing = out.acc_lab_m_s2[axis] - (w.mine[2, axis] - z3)
-    out.lead_acc_lab_m_s2[axis] = lag_s * rate - rising + pull * missing
+    out.lead_acc_lab_m_s2[axis] = coming + share * lag_s * w.feedback_rate[axis] - rising + pull * missing

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.estimation.observers import disturbance_rate
-from formation.estimation.response import NEVER_NS, SECONDS, SentCommands, answer, attitude_dead_s
+from formation.estimation.response import SECONDS, SentCommands, answer, attitude_dead_s
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.followed_leader import Guidance, shifted
-from formation.guidance.reference_generator import VehicleReference, reference_at
+from formation.guidance.reference_generator import reference_at
 from formation.maths.arrays import Float, Layout, Motion, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, dtype_of
@@ -45,21 +45,24 @@ class LawContext(NamedTuple):
 class Workspace:
     """Motions (3, 4) and vectors (3) of one vehicle's turn in one channel, reused for the next; a record.
 
-    leader, leader_later: the leader as predicted last, when the command holds and later, and leader_ns for when:
-    vehicles of one kind ask for the same.
+    leader, leader_later, leader_earlier: the leader as predicted last, when the command holds and half the window later
+    and earlier, and leader_ns for when and which: vehicles of one kind ask for the same. lab, lab_change: the reference
+    when the command holds, and what it changes by in the window about then.
     """
 
     leader_ns: Annotated[NDArray[np.int64], Layout(np.int64, (2,))]
     leader: Motion
     leader_later: Motion
+    leader_earlier: Motion
     mine: Motion
     lead: Motion
-    lead_later: Motion
+    lead_other: Motion
     error: Motion
     slot: Motion
     frame: Motion
     lab: Motion
-    lab_later: Motion
+    lab_other: Motion
+    lab_change: Motion
     force: Vec3
     feedback: Vec3
     feedback_rate: Vec3
@@ -69,56 +72,63 @@ WORKSPACE = dtype_of(Workspace)
 
 
 @kernel
-def situation(i: int, n: int, context: LawContext, hold_ns: int, later_ns: int, w: Workspace) -> None:
-    """Vehicle i's own motion, reference and error at hold_ns, and its reference at later_ns, into the workspace.
+def situation(i: int, n: int, context: LawContext, hold_ns: int, half_ns: int, w: Workspace) -> None:
+    """Vehicle i's own motion, reference and error at hold_ns, and its reference's change about then, into w.
 
-    later_ns: NEVER_NS where the lag is not compensated.
+    half_ns: of the window of that change; 0 where nobody asks for it.
     """
     known, numbers, knots = context.known, context.guidance.numbers, context.guidance.knots
     reference = context.guidance.references[i]
-    _leader_ahead(context, hold_ns, later_ns, w)
-    if later_ns > NEVER_NS:
-        reference_at(reference, numbers, knots, later_ns, w.lead_later, w.slot, w.frame, w.lab_later)
+    _leader_ahead(context, hold_ns, half_ns, w)
+    if half_ns > 0:
+        copy_motion(w.leader_later, w.lead_other)
+        reference_at(reference, numbers, knots, hold_ns + half_ns, w.lead_other, w.slot, w.frame, w.lab_change)
+        copy_motion(w.leader_earlier, w.lead_other)
+        reference_at(reference, numbers, knots, hold_ns - half_ns, w.lead_other, w.slot, w.frame, w.lab_other)
     motion_at(known, n, hold_ns, w.mine, w.force)
     reference_at(reference, numbers, knots, hold_ns, w.lead, w.slot, w.frame, w.lab)
     lead_from_lab(w.mine, w.frame, w.error)
     for order in range(3):
         for column in range(4):
             w.error[order, column] -= w.slot[order, column]
+            w.lab_change[order, column] -= w.lab_other[order, column]
 
 
 @kernel
-def _leader_ahead(context: LawContext, hold_ns: int, later_ns: int, w: Workspace) -> None:
-    """The leader's motion at hold_ns, and at later_ns if that is wanted, into the workspace.
+def _leader_ahead(context: LawContext, hold_ns: int, half_ns: int, w: Workspace) -> None:
+    """The leader's motion at hold_ns, and half_ns later and earlier if that is wanted, into the workspace.
 
     A leader we command is taken to accelerate and turn as its own reference says: known ahead, and free of noise.
     """
-    if w.leader_ns[0] != hold_ns or w.leader_ns[1] != later_ns:
-        w.leader_ns[0], w.leader_ns[1] = hold_ns, later_ns
+    if w.leader_ns[0] != hold_ns or w.leader_ns[1] != half_ns:
+        w.leader_ns[0], w.leader_ns[1] = hold_ns, half_ns
         motion_at(context.known, LEADER, hold_ns, w.leader, w.force)
         shifted(context.guidance.leader, hold_ns, w.leader)
-        commanded_index = context.known.observers[LEADER].commanded_index
-        if later_ns > NEVER_NS and commanded_index >= 0:
-            _as_referred(context.guidance.references[commanded_index], context, hold_ns, later_ns, w)
-        elif later_ns > NEVER_NS:
-            motion_at(context.known, LEADER, later_ns, w.leader_later, w.force)
-            shifted(context.guidance.leader, later_ns, w.leader_later)
+        if half_ns > 0:
+            _leader_beside(context, hold_ns, hold_ns + half_ns, w, w.leader_later)
+            _leader_beside(context, hold_ns, hold_ns - half_ns, w, w.leader_earlier)
     copy_motion(w.leader, w.lead)
-    copy_motion(w.leader_later, w.lead_later)
 
 
 @kernel
-def _as_referred(reference: VehicleReference, context: LawContext, hold_ns: int, later_ns: int, w: Workspace) -> None:
-    """A commanded leader's motion later: from `leader` on as its reference goes, and accelerations of both."""
-    now, later = w.leader, w.leader_later
-    reference_at(
-        reference, context.guidance.numbers, context.guidance.knots, later_ns, now, w.slot, w.frame, w.lab_later
-    )
-    reference_at(reference, context.guidance.numbers, context.guidance.knots, hold_ns, now, w.slot, w.frame, w.lab)
+def _leader_beside(context: LawContext, hold_ns: int, at_ns: int, w: Workspace, out: Float) -> None:
+    """The leader's motion (3, 4) at at_ns, beside that at hold_ns: a commanded one's goes as its reference does.
+
+    Of a commanded one both accelerations become the reference's.
+    """
+    commanded_index = context.known.observers[LEADER].commanded_index
+    if commanded_index < 0:
+        motion_at(context.known, LEADER, at_ns, out, w.force)
+        shifted(context.guidance.leader, at_ns, out)
+        return
+    reference, now = context.guidance.references[commanded_index], w.leader
+    numbers, knots = context.guidance.numbers, context.guidance.knots
+    reference_at(reference, numbers, knots, at_ns, now, w.slot, w.frame, w.lab_other)
+    reference_at(reference, numbers, knots, hold_ns, now, w.slot, w.frame, w.lab)
     for column in range(4):
         for order in range(2):
-            later[order, column] = now[order, column] + w.lab_later[order, column] - w.lab[order, column]
-        now[2, column], later[2, column] = w.lab[2, column], w.lab_later[2, column]
+            out[order, column] = now[order, column] + w.lab_other[order, column] - w.lab[order, column]
+        now[2, column], out[2, column] = w.lab[2, column], w.lab_other[2, column]
 
 
 @kernel

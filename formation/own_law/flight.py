@@ -141,9 +141,8 @@ def _motions(
         for channel in range(2):
             w = space[channel]
             dead_s = response.thrust_dead_s if channel == 1 else attitude_dead_s(estimates[n], observers[n])
-            lag_s = response.thrust_lag_s if channel == 1 else response.attitude_lag_s
             hold_ns = at_ns + int(dead_s * 1e9)
-            situation(i, n, context, hold_ns, hold_ns + int(lag_s * 1e9), w)
+            situation(i, n, context, hold_ns, 0, w)
             if channel == 0:
                 copy_motion(w.mine, out[i, OWN])
                 copy_motion(w.lab, out[i, SLOT_MOTION])

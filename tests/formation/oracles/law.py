@@ -196,15 +196,15 @@ class Compensator:
         slot, frame = self.reference(i, t_ns, lead)
         return to_lab(slot, frame)
 
-    def leader_at(self, hold_ns: int, later_ns: int, compensate: bool) -> tuple[Motion, Motion]:
-        """The leader at both times: one we command accelerates as its reference says."""
+    def leader_at(self, hold_ns: int, half_ns: int, compensate: bool) -> tuple[Motion, Motion, Motion]:
+        """The leader then, and so much earlier and later: one we command accelerates as its reference says."""
         now = self.predicted(0, hold_ns).motion.copy()
         if self.leads is None or not compensate:
-            return now, self.predicted(0, later_ns).motion
-        here, there = (self.lab_reference(self.leads, t, now) for t in (hold_ns, later_ns))
-        later = now + there - here
-        now[2], later[2] = here[2], there[2]
-        return now, later
+            return now, *(self.predicted(0, hold_ns + k * half_ns).motion for k in (-1, 1))
+        earlier, here, later = (self.lab_reference(self.leads, hold_ns + k * half_ns, now) for k in (-1, 0, 1))
+        before, after = now + earlier - here, now + later - here
+        now[2], before[2], after[2] = here[2], earlier[2], later[2]
+        return now, before, after
 
     def demand(self, i: int, now_ns: int, memory: np.ndarray, frozen: bool, airborne: bool, dt: float) -> Demanded:
         n, flight = self.own[i], self.flights[i]
@@ -222,8 +222,8 @@ class Compensator:
         ):
             arrival_ns = now_ns + int(dead * 1e9)
             hold_ns = arrival_ns if compensate else known.t_ns
-            later_ns, caught_up_ns = hold_ns + 10_000_000, hold_ns + int(lag * 1e9)
-            lead, lead_later = self.leader_at(hold_ns, later_ns, compensate)
+            half_ns, caught_up_ns = int(lag * 1e9) // 2, hold_ns + int(lag * 1e9)
+            lead, lead_before, lead_after = self.leader_at(hold_ns, half_ns, compensate)
             mine = self.predicted(n, hold_ns)
             slot, frame = self.reference(i, hold_ns, lead)
             error = to_lead(mine.motion, frame) - slot
@@ -241,8 +241,9 @@ class Compensator:
                 acc[:2] *= min(1.0, 11.7 / max(np.linalg.norm(acc[:2]), 1e-9))
             lead_acc = np.zeros(3)
             if compensate:
-                ahead = self.lab_reference(i, later_ns, lead_later) - to_lab(slot, frame)
-                out.acc_rate[axes] = (ahead[2, :3] + has.drag * ahead[1, :3])[axes] / 0.01
+                change = self.lab_reference(i, hold_ns + half_ns, lead_after)
+                change = change - self.lab_reference(i, hold_ns - half_ns, lead_before)
+                out.acc_rate[axes] = (change[2, :3] + has.drag * change[1, :3])[axes] / lag
                 rising = lag * out.acc_rate - (later - dist if fed.takes_off_z3 else 0.0)
                 missing = acc - (mine.motion[2, :3] - dist)
                 pull = flight.quick.gain * mu**flight.quick.gain_power - 1.0 if axes == [0, 1] else 0.0

@@ -396,7 +396,8 @@ def _packed_kind(scalar: Any, shape: tuple[int, ...], stored: Any) -> Kind:
 
     def decode(raw: bytes) -> "np.ndarray[Any, Any]":
         # A copy: an array that can be written to, as every other can.
-        flat = np.frombuffer(raw, read_dtype).astype(dtype)
+        with np.errstate(invalid="ignore"):  # a signalling NaN becomes a quiet one
+            flat = np.frombuffer(raw, read_dtype).astype(dtype)
         return flat if shape == (-1,) else flat.reshape(shape)
 
     proto = {"?": Proto.TYPE_BOOL, "B": Proto.TYPE_BYTES, "f": Proto.TYPE_FLOAT}.get(wire_dtype.char, Proto.TYPE_DOUBLE)

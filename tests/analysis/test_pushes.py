@@ -16,7 +16,9 @@ from sim.studies.bound import attitude_loop
 from sim.studies.experiments import Experiment, Job, scenario_of
 
 
-@pytest.mark.parametrize("vehicle", ["paper_40g", "px4_quad", "crazyflie_27g"])
+@pytest.mark.parametrize(
+    "vehicle", ["paper_40g", *(pytest.param(v, marks=pytest.mark.nightly) for v in ("px4_quad", "crazyflie_27g"))]
+)
 def test_each_gust_is_found_with_the_bound_of_the_true_push(vehicle: str) -> None:
     """Each pass of the fan is a push, found within 30 ms of its beginning, which noise hides; its bound is within 30 %
     of that of the push that the drone met from then on, in the mean within 15 %; the flown deviation is the true."""

@@ -1,7 +1,7 @@
 """Faults that are played against the rules: the numbers are those of the failsafe matrix."""
 
 import json
-from pathlib import Path
+import re
 
 import pytest
 from typer.testing import CliRunner
@@ -10,7 +10,7 @@ from formation.config import LimitsConfig
 from formation.messages import Phase
 from formation.safety.rules_table import RULES, Own
 from gcs.cli.app import app
-from gcs.played import FAULTS, PHASES, play
+from gcs.played import FAULTS, play
 
 runner = CliRunner()
 
@@ -26,24 +26,24 @@ def test_a_body_that_is_lost_is_held_for_then_released_and_all_land() -> None:
     ]
 
 
-def test_every_rule_but_one_of_estimation_is_brought_about_by_some_fault() -> None:
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """All faults in all phases, of the leader and of a follower, played once."""
+    path = tmp_path_factory.mktemp("rules") / "rules.html"
+    assert runner.invoke(app, ["rules", "--page", str(path)]).exit_code == 0
+    return path.read_text()
+
+
+def test_every_rule_but_one_of_estimation_is_brought_about_by_some_fault(page: str) -> None:
     """A new rule wants a fault here. Model mismatch has no single cause that could be set."""
-    acted = {
-        act.rule
-        for phase in PHASES
-        for fault in FAULTS
-        for who in (0, 1)
-        for act in play(phase, fault, who, LimitsConfig())
-    }
+    acted = set(re.findall(r'"rule": "([^"]+)"', page))
     assert {rule.name for rule in RULES} - acted == {"rule-model-mismatch", "rule-long-lost"}
 
 
-def test_the_page_holds_what_the_command_prints(tmp_path: Path) -> None:
+def test_the_page_holds_what_the_command_prints(page: str) -> None:
     done = runner.invoke(app, ["rules", "--play", "HOLD", "--json"])
     acts = json.loads(done.stdout)
-    page = tmp_path / "rules.html"
-    assert runner.invoke(app, ["rules", "--page", str(page)]).exit_code == 0
-    assert json.dumps(acts)[1:-1] in page.read_text()
+    assert json.dumps(acts)[1:-1] in page
     shown = runner.invoke(app, ["rules", "--play", "HOLD"]).stdout
     assert all(act["text"] in shown for follows in acts.values() for act in follows)
     assert runner.invoke(app, ["rules", "--play", "SOON"]).exit_code == 2

@@ -13,7 +13,9 @@ from sim.studies.host import Host
 WITHIN = 0.02
 
 
-@pytest.mark.parametrize("experiment", [Experiment.LINE, Experiment.CIRCLE, Experiment.GUST])
+@pytest.mark.parametrize(
+    "experiment", [Experiment.CIRCLE, Experiment.GUST, pytest.param(Experiment.LINE, marks=pytest.mark.nightly)]
+)
 def test_a_flight_is_the_same_by_the_host_of_studies_as_in_lockstep(experiment: Experiment) -> None:
     study, lockstep = (fly(Job("cfc", experiment, 1, host=host)) for host in (Host.STUDY, Host.LOCKSTEP))
     assert numbers(study) == pytest.approx(numbers(lockstep), rel=WITHIN)

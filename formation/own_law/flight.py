@@ -141,8 +141,9 @@ def _motions(
         for channel in range(2):
             w = space[channel]
             dead_s = response.thrust_dead_s if channel == 1 else attitude_dead_s(estimates[n], observers[n])
+            lag_s = response.thrust_lag_s if channel == 1 else response.attitude_lag_s
             hold_ns = at_ns + int(dead_s * 1e9)
-            situation(i, n, context, hold_ns, 0, w)
+            situation(i, n, context, hold_ns, int(lag_s * 1e9) // 2, w)
             if channel == 0:
                 copy_motion(w.mine, out[i, OWN])
                 copy_motion(w.lab, out[i, SLOT_MOTION])

@@ -84,6 +84,9 @@ def assert_agrees_with_itself(seen: list[Any]) -> None:
     # A leader on a circle of 0.3 m is accelerated towards its middle, and every slot with it.
     inwards = [np.dot(at.leader.acc_lab_m_s2, at.leader.pos_lab_m * [1.0, 1.0, 0.0]) < 0.0 for at in moving]
     assert np.mean(inwards) > 0.95
+    # A commanded leader is taken to accelerate as its reference says: known, and free of the estimate's noise.
+    acc_lab_m_s2 = np.array([at.slot.acc_lab_m_s2 for at in seen if at.body == "left"])
+    assert np.sqrt(np.mean(np.diff(acc_lab_m_s2, n=2, axis=0) ** 2)) < 3e-3
     first = {at.body: at for at in reversed(seen)}
     assert [first[body].dt_s for body in ("left", "right")] == [0.0, 0.0]
     assert np.median([at.dt_s for at in moving]) == pytest.approx(0.01, abs=0.001)

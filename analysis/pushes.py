@@ -44,11 +44,5 @@ def _pieces(flight: Flight, index: int) -> Iterator[tuple[float, float, Flown]]:
             end_s = min(begin_s + PIECE_S, span.end_s)
             inside = (t_s >= begin_s - 2.0 * CALM_S) & (t_s <= min(end_s + 2.0 * CALM_S, span.end_s))
             if off[inside].any():
-                rows = at[inside]
-                yield (
-                    begin_s,
-                    end_s,
-                    Flown(
-                        t_s[inside], poses.pos_lab_m[rows, index], poses.q_lab_from_flu[rows, index], error_m[inside]
-                    ),
-                )
+                pos_lab_m, q_lab_from_flu = poses.pos_lab_m[at[inside], index], poses.q_lab_from_flu[at[inside], index]
+                yield begin_s, end_s, Flown(t_s[inside], pos_lab_m, q_lab_from_flu, error_m[inside])

@@ -165,9 +165,7 @@ def write_circle(path: Path) -> None:
 
 def fly(law: str, wind: str, vehicle: str, seed: int, recordings: Path | None = None) -> Flight:
     """One flight in lockstep, as it would be loaded from its log, without the simulator's truth."""
-    recording = None
-    if recordings is not None:
-        recording = neural_fly.read(neural_fly.path_of(recordings, neural_fly.PUSHED_BY, neural_fly.SCENES[wind]))
+    recording = None if recordings is None else neural_fly.read(neural_fly.pushed_by(recordings, wind))
     blown, records = Blown(wind, recording), list[Entry]()
 
     def record(topic: Topic, message: object, t_ns: int) -> None:

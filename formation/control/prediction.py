@@ -15,7 +15,7 @@ from formation.estimation.response import SECONDS, SentCommands, answer, attitud
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.followed_leader import Guidance, shifted
-from formation.guidance.reference_generator import reference_at
+from formation.guidance.reference_generator import VehicleReference, reference_at
 from formation.maths.arrays import Float, Layout, Motion, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, dtype_of
@@ -85,13 +85,15 @@ def situation(i: int, n: int, context: LawContext, hold_ns: int, half_ns: int, w
         reference_at(reference, numbers, knots, hold_ns + half_ns, w.lead_other, w.slot, w.frame, w.lab_change)
         copy_motion(w.leader_earlier, w.lead_other)
         reference_at(reference, numbers, knots, hold_ns - half_ns, w.lead_other, w.slot, w.frame, w.lab_other)
+        for order in range(3):
+            for column in range(4):
+                w.lab_change[order, column] -= w.lab_other[order, column]
     motion_at(known, n, hold_ns, w.mine, w.force)
     reference_at(reference, numbers, knots, hold_ns, w.lead, w.slot, w.frame, w.lab)
     lead_from_lab(w.mine, w.frame, w.error)
     for order in range(3):
         for column in range(4):
             w.error[order, column] -= w.slot[order, column]
-            w.lab_change[order, column] -= w.lab_other[order, column]
 
 
 @kernel
@@ -104,31 +106,29 @@ def _leader_ahead(context: LawContext, hold_ns: int, half_ns: int, w: Workspace)
         w.leader_ns[0], w.leader_ns[1] = hold_ns, half_ns
         motion_at(context.known, LEADER, hold_ns, w.leader, w.force)
         shifted(context.guidance.leader, hold_ns, w.leader)
-        if half_ns > 0:
-            _leader_beside(context, hold_ns, hold_ns + half_ns, w, w.leader_later)
-            _leader_beside(context, hold_ns, hold_ns - half_ns, w, w.leader_earlier)
+        commanded_index = context.known.observers[LEADER].commanded_index
+        if half_ns > 0 and commanded_index < 0:
+            for at_ns, out in ((hold_ns + half_ns, w.leader_later), (hold_ns - half_ns, w.leader_earlier)):
+                motion_at(context.known, LEADER, at_ns, out, w.force)
+                shifted(context.guidance.leader, at_ns, out)
+        elif half_ns > 0:
+            _as_referred(context.guidance.references[commanded_index], context, hold_ns, half_ns, w)
     copy_motion(w.leader, w.lead)
 
 
 @kernel
-def _leader_beside(context: LawContext, hold_ns: int, at_ns: int, w: Workspace, out: Float) -> None:
-    """The leader's motion (3, 4) at at_ns, beside that at hold_ns: a commanded one's goes as its reference does.
-
-    Of a commanded one both accelerations become the reference's.
-    """
-    commanded_index = context.known.observers[LEADER].commanded_index
-    if commanded_index < 0:
-        motion_at(context.known, LEADER, at_ns, out, w.force)
-        shifted(context.guidance.leader, at_ns, out)
-        return
-    reference, now = context.guidance.references[commanded_index], w.leader
-    numbers, knots = context.guidance.numbers, context.guidance.knots
-    reference_at(reference, numbers, knots, at_ns, now, w.slot, w.frame, w.lab_other)
+def _as_referred(reference: VehicleReference, context: LawContext, hold_ns: int, half_ns: int, w: Workspace) -> None:
+    """A commanded leader's motion later and earlier: from `leader` on as its reference goes, and all accelerations."""
+    numbers, knots, now = context.guidance.numbers, context.guidance.knots, w.leader
     reference_at(reference, numbers, knots, hold_ns, now, w.slot, w.frame, w.lab)
+    for at_ns, out in ((hold_ns + half_ns, w.leader_later), (hold_ns - half_ns, w.leader_earlier)):
+        reference_at(reference, numbers, knots, at_ns, now, w.slot, w.frame, w.lab_other)
+        for column in range(4):
+            for order in range(2):
+                out[order, column] = now[order, column] + w.lab_other[order, column] - w.lab[order, column]
+            out[2, column] = w.lab_other[2, column]
     for column in range(4):
-        for order in range(2):
-            out[order, column] = now[order, column] + w.lab_other[order, column] - w.lab[order, column]
-        now[2, column], out[2, column] = w.lab[2, column], w.lab_other[2, column]
+        now[2, column] = w.lab[2, column]
 
 
 @kernel

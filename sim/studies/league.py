@@ -201,16 +201,12 @@ def rows(
     flown = [(vehicle, scene, "") for vehicle in vehicles for scene in wanted if scene in SCENES]
     for scene in wanted:
         if recordings is not None and scene in neural_fly.SCENES:
-            flown.append((neural_fly.VEHICLE.name, scene, str(_recording(recordings, scene))))
+            flown.append((neural_fly.VEHICLE.name, scene, str(neural_fly.pushed_by(recordings, scene))))
     return [
         Row(of(law, vehicle), scene, vehicle, recording=recording)
         for vehicle, scene, recording in flown
         for law in laws
     ]
-
-
-def _recording(folder: Path, scene: str) -> Path:
-    return neural_fly.path_of(folder, neural_fly.PUSHED_BY, neural_fly.SCENES[scene])
 
 
 def _scene(row: Row) -> tuple[Scenario, Float]:
@@ -383,7 +379,7 @@ def _known_row(laws: Mapping[str, ChosenLaw], entry: Mapping[str, Any], recordin
     if wanted := entry["recording"]:
         if recordings is None:
             raise LeagueError(f"{scene}: its recording is yours to fetch; --neural-fly DIR says where it is")
-        file = str(_the_same(_recording(recordings, scene), wanted, scene))
+        file = str(_the_same(neural_fly.pushed_by(recordings, scene), wanted, scene))
     return Row(law, scene, entry["vehicle"], entry["seed"], file), result
 
 

@@ -104,6 +104,11 @@ def path_of(folder: Path, method: str, wind: str) -> Path:
     return folder / f"custom_figure8_{method}_{wind}.csv"
 
 
+def pushed_by(folder: Path, scene: str) -> Path:
+    """The file of the flight whose residual force is a scene's wind."""
+    return path_of(folder, PUSHED_BY, SCENES[scene])
+
+
 def read(path: Path) -> Recording:
     """The flight in a file; RecordingError where it cannot be used."""
     try:

@@ -107,13 +107,15 @@ class GuardCore:
         self._autopilots_name = Codec(self._target)
         stale_s = 0.0 if "stream-stale" in without else config.stale_setpoint_s
         self._takeover = Takeover(stale_s, None if "own-land" in without else config.stale_land_s)
-        self._setpoints = BodySetpoints(config.sysid, t0_ns, self._takeover.stream, self._without)
         self._table: AutopilotTable | None = None
         self._lacks_origin = False
         self._received_ns = t0_ns
         self._beat_ns = t0_ns
         signatures = tuple(row for row in SIGNATURES if MONITOR_OF[row.trigger] not in without)
         configured = profile(config.profile, config.profiles)
+        self._setpoints = BodySetpoints(
+            config.sysid, configured.rate_max_rad_s, t0_ns, self._takeover.stream, self._without
+        )
         self._estimate = BodyEstimate(configured, config.sysid, signatures)
         self._watches_attitude = "motor-failure" not in without
         self._hold = BodyHold(self._estimate)
@@ -407,8 +409,8 @@ class GuardCore:
         """
         followed = not (self._feed.is_rejecting and self._estimate.measures_force)
         known = self._takeover.is_flown_by_setpoints and followed
-        flown = known and not self._feed.stands
-        self._estimate.receive_command(self._now_ns, thrust_norm if flown else math.nan, q_lab_from_flu)
+        thrust = thrust_norm if known and not self._feed.stands else math.nan
+        self._estimate.receive_command(self._now_ns, thrust, q_lab_from_flu if known else None)
 
     def _report_age(self, sender: Sender, frame: Frame, now_ns: int) -> None:
         rate_hz = self._config.age_rate_hz

@@ -13,6 +13,7 @@ import numpy as np
 
 from drone_agent.guard.integrity import SIGNATURES, Signature
 from drone_agent.guard.navigator import SOURCES, Fault, Navigator
+from drone_agent.guard.setpoints import TILT_MAX_COS
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.quaternion import thrust_axis
 from formation.messages import Innovation, LabFrame
@@ -49,7 +50,7 @@ _UPSET_RAD_S = 2.0
 _TUMBLES, _TUMBLES_NS = 1.5, 50_000_000
 """Times the largest rate that its autopilot commands: no command turns it so fast."""
 _STRAYS_COS, _STRAYS_NS = math.cos(math.radians(30.0)), 200_000_000
-"""The angle of ArduCopter's crash check."""
+"""The angle of ArduCopter's crash check; for so long in the air, where what swings may come to rest."""
 _FLAGS = (
     EstimatorFlag.ATTITUDE
     | EstimatorFlag.VELOCITY_HORIZ
@@ -109,7 +110,9 @@ class BodyEstimate:
         self._note_tilt(t_ns, q)
 
     def receive_command(self, t_ns: int, thrust_norm: float, q_lab_from_flu: Quat | None = None) -> None:
-        """Thrust and attitude that the autopilot is commanded from t_ns on; NaN: it is on the ground, or nobody knows.
+        """Thrust and attitude that the autopilot is commanded from t_ns on.
+
+        thrust_norm: NaN on the ground, or where nobody knows; q_lab_from_flu: None where nobody knows.
 
         Of a body that turns fast nobody knows: its mixer gives thrust away to turn it.
 
@@ -117,7 +120,7 @@ class BodyEstimate:
         """
         x_rad_s, y_rad_s, _ = self._rate_flu_rad_s.tolist()
         flown = math.isfinite(thrust_norm)
-        self._commanded_up = thrust_axis(q_lab_from_flu) if flown and q_lab_from_flu is not None else None
+        self._commanded_up = None if q_lab_from_flu is None else thrust_axis(q_lab_from_flu)
         known = flown and math.hypot(x_rad_s, y_rad_s) < _UPSET_RAD_S
         if self._loss is not None and not known:
             self._loss = (t_ns, self._loss[1]) if flown else None  # what a turn hides is looked at after it
@@ -160,15 +163,16 @@ class BodyEstimate:
         return lost
 
     def is_attitude_lost(self, now_ns: int) -> bool:
-        """Whether it tumbles, is upside down, or spins and tilts otherwise than commanded, for too long for a recovery.
+        """Whether it tumbles, or is tilted otherwise than commanded and spins or is past every tilt that is commanded.
 
-        Who only spins, as a heavy body does with a weak motor, is let down on what is left; who only tilts otherwise
-        may swing, and comes to rest.
+        For too long for a recovery, of which there is none on the floor. Who only spins, as a heavy body does with a
+        weak motor, is let down on what is left; who only tilts otherwise may swing, and comes to rest.
         """
         if self._stands:
-            self._tumbles_since_ns = self._strays_since_ns = None
+            self._tumbles_since_ns = None  # it bounces
         tumbles = self._tumbles_since_ns is not None and now_ns - self._tumbles_since_ns >= _TUMBLES_NS
-        return tumbles or (self._strays_since_ns is not None and now_ns - self._strays_since_ns >= _STRAYS_NS)
+        lasts_ns = _TUMBLES_NS if self._stands else _STRAYS_NS
+        return tumbles or (self._strays_since_ns is not None and now_ns - self._strays_since_ns >= lasts_ns)
 
     def _note_rate(self, t_ns: int) -> None:
         x_rad_s, y_rad_s, _ = self._rate_flu_rad_s.tolist()
@@ -178,7 +182,8 @@ class BodyEstimate:
     def _note_tilt(self, t_ns: int, q_lab_from_flu: Quat) -> None:
         wanted, up = self._commanded_up, thrust_axis(q_lab_from_flu)
         spins = abs(float(self._rate_flu_rad_s[2])) > _TUMBLES * self._vehicle.rate_yaw_max_rad_s
-        strays = wanted is not None and (up[2] < 0.0 or (spins and sum(map(mul, wanted, up)) < _STRAYS_COS))
+        past = spins or up[2] < TILT_MAX_COS
+        strays = wanted is not None and past and sum(map(mul, wanted, up)) < _STRAYS_COS
         self._strays_since_ns = _since(self._strays_since_ns, t_ns, lasts=strays)
 
     def _collect_faults(self) -> None:

@@ -17,10 +17,8 @@ from drone_agent.guard.stages import Stage
 from formation.maths.arrays import Quat
 from formation.maths.frames import canonical, from_rotation_vector, from_yaw, multiply, yaw
 from formation.messages import Event
-from formation.vehicle.body import GRAVITY_M_S2
-from formation.vehicle.profile import VehicleProfile
 from wire.clock_offset import ClockOffset
-from wire.link_messages import BROADCAST, Address, AttitudeSetpoint, MessageId
+from wire.link_messages import BROADCAST, Address, AttitudeSetpoint, Ignore, MessageId
 from wire.mavlink.codec import Codec, read_message
 from wire.mavlink.framing import Frame, MavlinkError
 from wire.rejections import RejectionLog
@@ -41,6 +39,7 @@ class RejectReason(Enum):
     OLD = "setpoint not newer than the last"
     FOREIGN = "setpoint of a ground that does not own the drone"
     UNREADABLE = "setpoint that is not finite"
+    RATES = "setpoint beyond the vehicle's body rates"
     LANDING = "setpoint to a drone that lands by itself"
     POSE_FAULT = "setpoint while the pose is rejected"
 
@@ -113,36 +112,31 @@ class SetpointFilter:
 
 TILT_MAX_RAD = math.radians(50.0)
 """Half as much again as the ground's own limit asks for; PX4's MPC_TILTMAX_AIR is 45 degrees."""
-LIFT_MAX = 2.5
-"""Thrust over weight at most, where the vehicle has more."""
-BEYOND = "setpoint beyond tilt, body rates or thrust"
+BEYOND = "setpoint beyond tilt or thrust"
 """The report of limited setpoints."""
-_TILT_MAX_COS = math.cos(TILT_MAX_RAD)
+TILT_MAX_COS = math.cos(TILT_MAX_RAD)
+_RATES = tuple(int(axis) for axis in (Ignore.ROLL_RATE, Ignore.PITCH_RATE, Ignore.YAW_RATE))
 
 
-def within_bounds(target: AttitudeSetpoint, profile: VehicleProfile | None) -> AttitudeSetpoint:
-    """The setpoint itself where it asks for no more than the bounds, else one that asks for just so much.
-
-    profile: whose body rates and thrust bound it; None: of a vehicle that is not known, tilt and 0..1 alone.
-    """
-    thrust_max, rates_max = 1.0, math.inf
-    yaw_rate_max = math.inf
-    if profile is not None:
-        thrust_max = profile.thrust_norm_of(LIFT_MAX * profile.mass_kg * GRAVITY_M_S2)
-        rates_max, yaw_rate_max = profile.rate_max_rad_s, profile.rate_yaw_max_rad_s
+def within_bounds(target: AttitudeSetpoint) -> AttitudeSetpoint:
+    """The setpoint itself where tilt and thrust (0..1) are within the bounds, else one that asks for just so much."""
     _, x, y, _ = target.q_lab_from_flu.tolist()
-    p, q, r = target.rate_flu_rad_s.tolist()
-    tilted = 1.0 - 2.0 * (x * x + y * y) < _TILT_MAX_COS
-    turning = max(abs(p), abs(q)) > rates_max or abs(r) > yaw_rate_max
-    if not (tilted or turning or not 0.0 <= target.thrust_norm <= thrust_max):
+    tilted = 1.0 - 2.0 * (x * x + y * y) < TILT_MAX_COS
+    if not (tilted or not 0.0 <= target.thrust_norm <= 1.0):
         return target
     return target._replace(
         q_lab_from_flu=_tilted_less(target.q_lab_from_flu) if tilted else target.q_lab_from_flu,
-        rate_flu_rad_s=np.clip(
-            target.rate_flu_rad_s, (-rates_max, -rates_max, -yaw_rate_max), (rates_max, rates_max, yaw_rate_max)
-        ),
-        thrust_norm=min(max(target.thrust_norm, 0.0), thrust_max),
+        thrust_norm=min(max(target.thrust_norm, 0.0), 1.0),
     )
+
+
+def turns_too_fast(target: AttitudeSetpoint, rate_max_rad_s: float) -> bool:
+    """Whether a body rate that the setpoint does not ignore is more than the vehicle can follow.
+
+    No such rate is limited and passed on, as a tilt is: without an attitude beside it, it turns the drone over all the same.
+    """
+    rates = zip(_RATES, target.rate_flu_rad_s.tolist(), strict=True)
+    return any(not target.ignore & axis and not abs(rate) <= rate_max_rad_s for axis, rate in rates)
 
 
 def _tilted_less(q_lab_from_flu: Quat) -> Quat:
@@ -176,14 +170,16 @@ def stamp_ms(frame: Frame) -> int:
 class BodySetpoints:
     """One drone's; `stream` says in which stage it is, and who owns it."""
 
-    def __init__(self, sysid: int, t0_ns: int, stream: StreamFailsafe, without: frozenset[str]) -> None:
+    def __init__(
+        self, sysid: int, rate_max_rad_s: float, t0_ns: int, stream: StreamFailsafe, without: frozenset[str]
+    ) -> None:
         self.setpoint_filter = SetpointFilter(without)
         self.pose_rejected = False
         """Whether the mocap poses are rejected: setpoints made from them are, too."""
         self.rejections = RejectionLog()
         self.bounded = RejectionLog("bounded")
         """Setpoints that asked for more than is passed on."""
-        self._sysid = sysid
+        self._sysid, self._rate_max_rad_s = sysid, rate_max_rad_s
         self._t0_ns = t0_ns
         self._stream = stream
         self._without = without
@@ -208,7 +204,9 @@ class BodySetpoints:
             return self._reject(frame, reject_reason, now_ns)
         if attitude is None or "setpoint-bounds" in self._without:
             return FilteredSetpoint(frame, attitude)
-        bounded = within_bounds(attitude, None)
+        if turns_too_fast(attitude, self._rate_max_rad_s):
+            return self._reject(frame, RejectReason.RATES, now_ns)
+        bounded = within_bounds(attitude)
         if bounded is attitude:
             return FilteredSetpoint(frame, attitude)
         self.bounded.note(frame.source.words, BEYOND, now_ns)

@@ -9,13 +9,13 @@ from drone_agent.guard.setpoints import TILT_MAX_RAD, RejectReason, SetpointFilt
 from drone_agent.guard.stages import Stage
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram
-from formation.vehicle.profile import PAPER_40G
 from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, hover_at, hover_over, tilt_rad
 from wire.link_messages import (
     BRIDGE_COMPONENT,
     GROUND,
     Address,
     AttitudeSetpoint,
+    Ignore,
     LinkMessage,
     TimeSync,
     command_long,
@@ -138,10 +138,31 @@ def test_the_ground_of_an_epoch_has_an_address_of_its_own() -> None:
 @pytest.mark.parametrize("tilt", [0.9, 2.0, 3.1])
 def test_a_setpoint_is_tilted_no_further_than_the_bound_and_in_its_own_direction(tilt: float) -> None:
     asked = AttitudeSetpoint(
-        Address(1, 1), 1, from_rotation_vector(np.array([0.0, tilt, 0.0])), np.array([99.0, 0.0, -99.0]), 1.0, 0
+        Address(1, 1), 1, from_rotation_vector(np.array([0.0, tilt, 0.0])), np.zeros(3), 1.2, Ignore.BODY_RATES
     )  # fmt: skip
-    got = within_bounds(asked, PAPER_40G)
+    got = within_bounds(asked)
     assert tilt_rad(got.q_lab_from_flu) == pytest.approx(TILT_MAX_RAD)
-    np.testing.assert_allclose(got.rate_flu_rad_s, [10.0, 0.0, -3.5])
-    mild = asked._replace(q_lab_from_flu=LEVEL, rate_flu_rad_s=np.zeros(3), thrust_norm=0.6)
-    assert within_bounds(mild, PAPER_40G) is mild
+    assert got.thrust_norm == 1.0
+    mild = asked._replace(q_lab_from_flu=LEVEL, thrust_norm=0.6)
+    assert within_bounds(mild) is mild
+
+
+@pytest.mark.parametrize(
+    ("rate", "ignore", "passes"),
+    [
+        ([3.7, -3.7, 3.7], Ignore.NONE, True), ([100.0, 0.0, 0.0], Ignore.NONE, False),
+        ([0.0, 0.0, -3.9], Ignore.ROLL_RATE | Ignore.PITCH_RATE, False), ([100.0, 0.0, 0.0], Ignore.ROLL_RATE, True),
+        ([0.0, -3.9, 0.0], Ignore.ATTITUDE, False), ([100.0, 100.0, 100.0], Ignore.BODY_RATES, True),
+    ],
+)  # fmt: skip
+def test_body_rates_beyond_the_vehicles_are_rejected_and_counted(rate: list[float], ignore: Ignore, passes: bool) -> None:
+    """PX4's MC_ROLLRATE_MAX is 220 degrees/s, 3.8 rad/s. Full thrust beside such a rate turns a drone over."""
+    harness = Harness(pose="mocap", profile="px4_quad")
+    harness.fly_offboard(1.0)
+    before = len(harness.texts())
+    for _ in range(120):  # a report a second
+        harness.run(0.01, lambda h: hover_at(1.0)(h)._replace(rate_flu_rad_s=np.array(rate), ignore=ignore))
+    texts = " ".join(harness.texts()[before:])
+    assert ("x setpoint beyond the vehicle's body rates (from" in texts) is not passes
+    assert (harness.stream.stage is Stage.FOLLOW) is passes
+    assert tilt_rad(harness.truth.q_lab_from_flu) < 0.2

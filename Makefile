@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 SUPPLY := $(VENV)/supply
 ARGS ?=
 
-.PHONY: fly test nightly slow campaign fuzz mutants paper docs pictures lock audit wheel check lint setup format clean
+.PHONY: fly test nightly slow campaign fuzz mutants paper docs reference pictures lock audit wheel check lint setup format clean
 
 fly: $(VENV)/.fly
 	$(BIN)/gcs-sim fly $(ARGS)
@@ -59,6 +59,10 @@ paper: $(VENV)/.fly
 docs: $(VENV)/.docs
 	$(BIN)/sphinx-build -q -E -W --keep-going -b html docs/manual docs/manual/_build/html
 	@echo "the manual: docs/manual/_build/html/index.html"
+
+# What the manual says of commands, keys, messages and tables, anew from the code into its pages. A test holds it fresh.
+reference: $(VENV)/.fly
+	$(BIN)/python -m tools.reference
 
 # The pictures of README and manual again, but for Rerun's window. The page's need Chromium.
 pictures: $(VENV)/.test

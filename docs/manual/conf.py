@@ -1,14 +1,13 @@
-"""Sphinx's configuration of the manual: MyST pages, the furo theme, and a reference that is made from the code."""
+"""Sphinx's configuration of the manual: MyST pages and the furo theme. `make reference` writes what is generated."""
 
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-sys.path[:0] = [str(HERE / "_ext"), str(ROOT), str(ROOT / "examples" / "own_package")]
+sys.path[:0] = [str(HERE / "_ext"), str(ROOT)]
 
 import manual_math  # noqa: E402
-import manual_reference  # noqa: E402
 from sphinx.application import Sphinx  # noqa: E402
 
 from wire.version import VERSION  # noqa: E402
@@ -17,7 +16,7 @@ project = "mavlink-formation"
 author = "The mavlink-formation authors"
 release = version = VERSION
 
-extensions = ["myst_parser", "sphinx.ext.autodoc"]
+extensions = ["myst_parser"]
 html_math_renderer = "mathml"
 exclude_patterns = ["_build"]
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath", "tasklist"]
@@ -30,17 +29,8 @@ html_static_path = ["_static"]
 html_css_files = ["manual.css"]
 html_theme_options = {"navigation_with_keys": True}
 
-autodoc_member_order = "bysource"
-autodoc_typehints = "signature"
-autodoc_default_options = {"members": True, "undoc-members": False}
-
-
-def _fill(_app: Sphinx, _docname: str, source: list[str]) -> None:
-    source[0] = manual_reference.filled(source[0])
-
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Fill in the generated pieces of each page as it is read."""
-    app.connect("source-read", _fill)
+    """Show equations as MathML."""
     app.add_html_math_renderer("mathml", (manual_math.inline, None), (manual_math.displayed, None))
     return {"parallel_read_safe": True}

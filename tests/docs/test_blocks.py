@@ -9,7 +9,6 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import manual_reference
 import pytest
 import typer
 
@@ -18,6 +17,7 @@ from gcs.finding import Grade
 from gcs.lab.findings import findings_of, of_grade
 from mavlink_formation.pytest_plugin import MOST
 from tests.docs.manual_pages import BASE_LAB, ROOT, Labs, blocks, name_of, pages, shell_lines
+from tools.reference import pieces
 from wire.config_file import parse
 
 FOREIGN = {"docker", "export", "ssh", "journalctl", "systemctl", "mavproxy.py", "mkdir", "rerun", "ros2"}
@@ -27,7 +27,7 @@ PATHS = re.compile(r"\b(?:contrib|examples|tests|tools|docs)/[\w./@-]+")
 
 def parse_ours(words: list[str]) -> None:
     """Parse a command line of ours as the program itself does; nothing is run."""
-    command: Any = manual_reference.program(words[0])
+    command: Any = pieces.program(words[0])
     path, rest = words[0], words[1:]
     while commands := getattr(command, "commands", None):
         if rest and rest[0] in ("--version", "--help"):
@@ -83,7 +83,7 @@ def test_shell_lines_parse(page: Path, tmp_path: Path, monkeypatch: pytest.Monke
                 if word.endswith((".toml", ".mcap")):
                     Path(word).parent.mkdir(parents=True, exist_ok=True)
                     Path(word).touch()
-            if words[0] in manual_reference.PROGRAMS:
+            if words[0] in pieces.PROGRAMS:
                 parse_ours(words)
             else:
                 check_foreign(words)

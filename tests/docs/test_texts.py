@@ -2,15 +2,15 @@
 
 import re
 
-import manual_texts
 import pytest
-from manual_texts import GAP, normal
 
 from drone_agent.autopilots.ardupilot import TEXTS as ARDUPILOT_TEXTS
 from drone_agent.autopilots.px4 import TEXTS as PX4_TEXTS
 from formation.messages import LawFailure, Rejection
 from formation.safety.rules_table import RULES
 from tests.docs.manual_pages import MANUAL
+from tools.reference import texts
+from tools.reference.texts import GAP, normal
 from wire.clock_offset import rate_offset_text
 
 PAGES = {page.stem: page.read_text(encoding="utf-8") for page in (MANUAL / "troubleshooting").glob("*.md")}
@@ -26,10 +26,10 @@ AUTOPILOT_TEXTS = [
 
 
 TEXTS = {
-    "warning": {s.text for s in manual_texts.warnings()[0]},
+    "warning": {s.text for s in texts.warnings()[0]},
     "rule": {rule.fault for rule in RULES},
-    "reason of a refused command": {s.text for s in manual_texts.reasons()},
-    "reason of a dropped input": {s.text for s in manual_texts.rejected_inputs()},
+    "reason of a refused command": {s.text for s in texts.reasons()},
+    "reason of a dropped input": {s.text for s in texts.rejected_inputs()},
     "rejected pose": {reason.text for reason in Rejection if reason.text},
     "text of an autopilot": {normal(text) for text in AUTOPILOT_TEXTS if text},
 }
@@ -43,7 +43,7 @@ def test_every_text_is_explained(kind: str) -> None:
 
 
 def test_every_check_of_the_doctor_is_explained() -> None:
-    checks = [name for name in manual_texts.doctor_checks() if GAP not in name]
+    checks = [name for name in texts.doctor_checks() if GAP not in name]
     assert [check for check in checks if f"`{check}`" not in PAGES["doctor"]] == []
 
 

@@ -1,12 +1,14 @@
-"""The manual's reference, made from the code when the manual is built: each function returns one piece of Markdown.
+"""The manual's reference, made from the code: each function returns one piece of Markdown.
 
-A page asks for a piece by a comment of its own, `<!-- generated: NAME ARGUMENT -->`; see `conf.py`.
+A page asks for a piece by a comment of its own, `<!-- generated: NAME ARGUMENT -->`; `make reference` writes it below.
 """
 
 import ast
 import dataclasses
 import importlib
+import inspect
 import re
+import textwrap
 import tomllib
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -14,11 +16,11 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-import manual_drawing
-import manual_texts
 import typer
-from manual_texts import ROOT
 from typer.cli import get_docs_for_click
+
+from tools.reference import drawing, texts
+from tools.reference.texts import ROOT
 
 Row = tuple[str, ...]
 UNITS = {
@@ -93,12 +95,17 @@ def exit_codes(_: str = "") -> str:
 
 
 def keys(which: str) -> str:
-    """Every key of a configuration model, `module:Class [without TABLE]`, a section a table of the file."""
+    """Every key of a configuration model, `module:Class [without TABLE]`, a section a table of the file.
+
+    `module:Class alone`: its own table, without a heading; its page has those that it names.
+    """
     where, _, without = which.partition(" without ")
-    return "\n\n".join(_sections(named(where), "", where.partition(":")[2].lower(), without))
+    where, _, alone = where.partition(" ")
+    first, *others = _sections(named(where), "", without)
+    return first.partition("\n\n")[2] if alone else "\n\n".join((first, *others))
 
 
-def _sections(model: Any, path: str, root: str, without: str = "") -> Iterator[str]:
+def _sections(model: Any, path: str, without: str = "") -> Iterator[str]:
     meanings = field_meanings(model)
     rows, inner = [], []
     for name, field in model.model_fields.items():
@@ -107,15 +114,13 @@ def _sections(model: Any, path: str, root: str, without: str = "") -> Iterator[s
         if nested is not None and name != without:
             below = _path(path, name, many)
             inner.append((nested, below))
-            kind = f"[table](#{_anchor(root, below)})"
+            kind = f"[table](#{_anchor(below)})"
         meaning = meanings.get(name) or ("" if nested is None else _first(nested))
         rows.append((f"`{name}`", kind, _unit(name, kind), _written(field), limits, meaning))
     title = f"`{path}`" if path else "Top level"
-    yield f"({_anchor(root, path)})=\n## {title}\n\n{_first(model)}\n\n" + table(
-        ("key", "type", "unit", "default", "range", "meaning"), rows
-    )
+    yield f"## {title}\n\n{_first(model)}\n\n" + table(("key", "type", "unit", "default", "range", "meaning"), rows)
     for nested, below in inner:
-        yield from _sections(nested, below, root)
+        yield from _sections(nested, below)
 
 
 def _unit(name: str, kind: str) -> str:
@@ -127,8 +132,9 @@ def _path(path: str, name: str, many: str) -> str:
     return f"{whole}[]" if many == "list" else f"{whole}.NAME" if many == "dict" else whole
 
 
-def _anchor(root: str, path: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "-", f"key {root} {path}".lower()).strip("-")
+def _anchor(heading: str) -> str:
+    """Of a heading without blanks, as code hosts and the manual make it."""
+    return re.sub(r"[^\w-]", "", heading.lower())
 
 
 def _nested(annotation: Any) -> tuple[Any, str]:
@@ -203,11 +209,12 @@ def _limits(metadata: Iterable[Any]) -> str:
 
 
 def _written(field: Any) -> str:
+    from pydantic import BaseModel
     from pydantic_core import PydanticUndefined
 
     if field.default is PydanticUndefined and field.default_factory is None:
         return "required"
-    if field.default is None or field.default_factory is not None or hasattr(field.default, "model_fields"):
+    if field.default is None or field.default_factory is not None or isinstance(field.default, BaseModel):
         return "-"
     return f"`{written(field.default)}`"
 
@@ -264,8 +271,6 @@ def _matches(name: str, names: list[str]) -> list[str]:
 
 def _documented(model: Any) -> dict[str, str]:
     """Strings that stand under a field."""
-    import inspect
-
     try:
         tree = ast.parse(inspect.cleandoc("\n" + inspect.getsource(model)))
     except (OSError, TypeError, SyntaxError):
@@ -363,7 +368,7 @@ def topics(_: str = "") -> str:
     from formation.topics import ALL
 
     rows = (
-        (f"`{t.name}`", f"[{t.type.__name__}](#message-{t.type.__name__.lower()})", f"{t.rate_hz:.3g}", str(t.drop))
+        (f"`{t.name}`", f"[{t.type.__name__}](messages.md#{_anchor(t.type.__name__)})", f"{t.rate_hz:.3g}", str(t.drop))
         for t in ALL
     )
     return table(("topic", "message", "nominal rate, Hz", "when a queue is full"), rows)
@@ -385,9 +390,7 @@ def _message(kind: Any) -> str:
         (f"`{f.name}`", _shape(hints[f.name]), unit_of(f.name), _frame(f.name), meanings.get(f.name, ""))
         for f in dataclasses.fields(kind)
     )
-    return f"(message-{kind.__name__.lower()})=\n## {kind.__name__}\n\n{_first(kind)}\n\n" + table(
-        ("field", "type", "unit", "frame", "meaning"), rows
-    )
+    return f"## {kind.__name__}\n\n{_first(kind)}\n\n" + table(("field", "type", "unit", "frame", "meaning"), rows)
 
 
 def _shape(hint: Any) -> str:
@@ -437,18 +440,15 @@ def events(_: str = "") -> str:
     """Every text said with a severity of WARNING or worse."""
     from formation.safety.rules_table import RULES
 
-    texts, _passed = manual_texts.warnings()
-    rows = [(s.severity, f"`{s.text}`", f"`{s.file}`") for s in texts]
+    rows = [(s.severity, f"`{s.text}`", f"`{s.file}`") for s in texts.warnings()[0]]
     rows += [(r.severity.name, f"`{r.fault if r.of_swarm else f'…: {r.fault}'}`", f"`{r.name}`") for r in RULES]
-    order = {name: k for k, name in enumerate(manual_texts.LOUD)}
+    order = {name: k for k, name in enumerate(texts.LOUD)}
     return table(("severity", "text", "source"), sorted(rows, key=lambda row: (order[row[0]], row[1])))
 
 
 def rejections(_: str = "") -> str:
     """Why commands are refused and inputs dropped."""
-    rows = [
-        (s.severity, f"`{s.text}`", f"`{s.file}`") for s in (*manual_texts.reasons(), *manual_texts.rejected_inputs())
-    ]
+    rows = [(s.severity, f"`{s.text}`", f"`{s.file}`") for s in (*texts.reasons(), *texts.rejected_inputs())]
     return table(("what happens", "reason", "source"), rows)
 
 
@@ -619,6 +619,47 @@ def extras(_: str = "") -> str:
     return table(("extra", "installs"), rows)
 
 
+# Python
+
+
+def api(which: str) -> str:
+    """What `module:name` is called with, and its docstring; `with NAME ...`: and these methods, `with all`: and all."""
+    where, _, chosen = which.partition(" with ")
+    module, _, name = where.partition(":")
+    found = named(where) if name else importlib.import_module(module)
+    if not name:
+        return inspect.getdoc(found) or ""
+    (node,) = ast.parse(textwrap.dedent(inspect.getsource(found))).body
+    parts = [f"### `{where.replace(':', '.')}`", _block(_called(node, name)), inspect.getdoc(found)]
+    for method in getattr(node, "body", ()) if chosen else ():
+        doc = ast.get_docstring(method) if isinstance(method, ast.FunctionDef) else None
+        if doc and (method.name in chosen.split() or (chosen == "all" and not method.name.startswith("_"))):
+            parts += [_block(_called(method, method.name)), doc]
+    return "\n\n".join(filter(None, parts))
+
+
+def _block(text: str) -> str:
+    return f"```text\n{text}\n```"
+
+
+def _called(node: ast.AST, name: str) -> str:
+    """The call's own source: a function's arguments, or what makes an object of a class."""
+    if isinstance(node, ast.FunctionDef):
+        if any(getattr(decorator, "id", "") == "property" for decorator in node.decorator_list):
+            return f".{name}: {ast.unparse(node.returns or ast.Constant(...))}"
+        node.args.args = [argument for argument in node.args.args if argument.arg != "self"]
+        arguments, returns = ast.unparse(node.args), "" if node.returns is None else f" -> {ast.unparse(node.returns)}"
+        return f"{name}({arguments}){returns}"
+    assert isinstance(node, ast.ClassDef)
+    for method in node.body:
+        if isinstance(method, ast.FunctionDef) and method.name == "__init__":
+            method.returns = None
+            return _called(method, name)
+    fields = [ast.unparse(field) for field in node.body if isinstance(field, ast.AnnAssign)]
+    shown = [f"    {field}," for field in fields if not field.startswith("_")]
+    return "\n".join((f"{name}(", *shown, ")")) if shown else f"class {name}"
+
+
 TABLES = {
     "rules": "formation.safety.rules_table:rules_markdown",
     "phases": "formation.safety.phases:table_markdown",
@@ -631,19 +672,22 @@ TABLES = {
 PIECES: Mapping[str, Callable[[str], str]] = {
     piece.__name__.replace("_", "-"): piece
     for piece in (
-        commands, exit_codes, keys, profiles, presets, trajectories, shapes, scenarios, fault_families, topics,
-        messages, guard_times, events, rejections, mavlink, autopilot, results, version, extras,
-        manual_drawing.frame_path, manual_drawing.equations,
+        api, commands, exit_codes, keys, profiles, presets, trajectories, shapes, scenarios, fault_families, topics,
+        messages, guard_times, events, rejections, mavlink, autopilot, results, version, extras, drawing.equations,
     )
 }  # fmt: skip
 """By the name that a page uses."""
-MARK = re.compile(r"^<!-- generated: (\S+)(?: (.*?))? -->$", re.MULTILINE)
+END = "<!-- end of what is generated -->"
+MARK = re.compile(
+    rf"^<!-- generated: (\S+)(?: ([^\n]*?))? -->$(?:(?:(?!^<!-- generated: ).)*?^{END}$)?", re.MULTILINE | re.DOTALL
+)
 
 
 def filled(text: str) -> str:
-    """A page with every piece that it asks for in its place."""
-    return MARK.sub(lambda mark: _piece(mark[1], mark[2] or ""), text)
+    """A page with every piece that it asks for in its place, anew."""
+    return MARK.sub(lambda mark: f"{mark[0].splitlines()[0]}\n\n{_piece(mark[1], mark[2] or '')}\n\n{END}", text)
 
 
 def _piece(name: str, argument: str) -> str:
-    return str(named(TABLES[name])()) if name in TABLES else PIECES[name](argument)
+    text = str(named(TABLES[name])()) if name in TABLES else PIECES[name](argument)
+    return "\n".join(line.rstrip() for line in text.strip().splitlines())

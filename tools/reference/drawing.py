@@ -1,6 +1,6 @@
 """The way of one frame from camera bytes to SET_ATTITUDE_TARGET, as a drawing: each stop is a function that exists.
 
-A stop whose module or name is gone fails the build, so the drawing cannot show code of another day.
+A stop whose module or name is gone fails `make reference`, so the drawing cannot show code of another day.
 """
 
 import importlib
@@ -70,12 +70,20 @@ def path_of(stop: str) -> str:
     return module.replace(".", "/") + ".py"
 
 
-def frame_path(_: str = "") -> str:
-    """The drawing as SVG in HTML."""
+STYLE = (
+    "svg { color: #666; font-family: sans-serif; } rect { fill: #f6f6f6; stroke: currentColor; } "
+    "text { fill: #222; font-size: 14px; } .process { font-weight: bold; font-size: 17px; } "
+    ".file { font-family: monospace; font-size: 11px; } .out { fill: #555; font-size: 12px; }"
+)
+
+
+def frame_path() -> str:
+    """The drawing as SVG."""
     width = len(STAGES) * (WIDE + GAP) + GAP
     height = TOP + max(len(stops) for _, stops in STAGES) * (HIGH + GAP) + GAP
     parts = [
-        f'<svg class="way" viewBox="0 0 {width} {height}" role="img" xmlns="http://www.w3.org/2000/svg">',
+        f'<svg viewBox="0 0 {width} {height}" xmlns="http://www.w3.org/2000/svg">',
+        f"<style>{STYLE}</style>",
         "<title>The way of one frame from camera bytes to SET_ATTITUDE_TARGET</title>",
         '<defs><marker id="arrow" viewBox="0 0 10 10" refX="9" refY="5" markerWidth="7" markerHeight="7" '
         'orient="auto-start-reverse"><path d="M0,0 L10,5 L0,10 z" fill="currentColor"/></marker></defs>',

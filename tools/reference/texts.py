@@ -12,7 +12,7 @@ from pathlib import Path
 
 from formation.reasons import Reason
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("formation", "wire", "mocap", "gcs", "drone_agent")
 """Whose warnings an operator sees."""
 LOUD = ("EMERGENCY", "ALERT", "CRITICAL", "ERROR", "WARNING")

@@ -325,6 +325,10 @@ FORCE_MOST_M_S2 = 157.0
 """16 g along an axis: no accelerometer of an autopilot shows more."""
 
 
+FROZEN_FRAMES = 5
+"""A pose that repeats to the last bit so many times is frozen; fewer are frames that the cameras lost."""
+
+
 class Rejection(IntEnum):
     """Why one body's pose is not shown; NONE where it is, or where the cameras do not see the body."""
 

@@ -20,7 +20,7 @@ from formation.maths.arrays import Bool, Float, Quat, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import multiply_into, thrust_axis
 from formation.maths.records import Rows, blank, rows
-from formation.messages import Event, LabFrame, Rejection, Severity
+from formation.messages import FROZEN_FRAMES, Event, LabFrame, Rejection, Severity
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.path import (
     SECONDS,
@@ -43,7 +43,6 @@ from wire.transport.frame_check import AHEAD_NS
 FREEZE, JUMP, FLIP = int(Rejection.FREEZE), int(Rejection.JUMP), int(Rejection.FLIP)
 SWAP = int(Rejection.SWAP)
 
-FROZEN_FRAMES = 5
 NOISY_FRAMES, STILL_M = 20, 0.01
 """A body whose pose differs in that many frames, within so little, is one whose cameras have noise."""
 RECOVERY_FRAMES = 3

@@ -19,6 +19,7 @@ from drone_agent.guard.estimate import LACKS, BodyEstimate, BodyFeed, InertialSt
 from drone_agent.guard.failsafe import (
     ATTITUDE_LOSS,
     BACK,
+    LANDS_ITSELF,
     NEW_OWNER,
     REPORTS,
     STEP_NS,
@@ -187,7 +188,8 @@ class GuardCore:
                 self._send_autopilot(asks_clock)
         turn_ns = self._takeover.deadline_ns()
         if turn_ns is not None and turn_ns <= now_ns:
-            self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), stands=self._hold.stands))
+            fed, rejected = self._feed.fresh(now_ns), self._feed.is_rejecting
+            self._act(self._takeover.due(now_ns, fed=fed, down=self._hold.is_down, pose_rejected=rejected))
         for event in self._setpoints.due_events(now_ns):
             self._report(event.severity, f"{event.text} (from {event.source})")
         to_ground = datagrams(self._config.sysid, self._to_ground) if self._to_ground else ()
@@ -278,6 +280,9 @@ class GuardCore:
         if isinstance(message, CommandLong) and self._inertial.requested(message):
             self._answer(source, message.command, Result.ACCEPTED)
             return True
+        if message.command == MavCommand.NAV_LAND and self._lands(now_ns):
+            self._answer(source, message.command, Result.ACCEPTED)
+            return True
         action, force = message.params[0], message.params[1]
         if message.command == MavCommand.COMPONENT_ARM_DISARM:
             if action == 1.0 and self._takeover.stream.stage is Stage.STOPPED:
@@ -293,6 +298,15 @@ class GuardCore:
         if message.command in SETS_MODE:
             self._mode_unknown()
         return False
+
+    def _lands(self, now_ns: int) -> bool:
+        """Whether this process lands the body itself, as commanded: its autopilot's estimate is of faulty poses."""
+        stage = self._takeover.stream.stage
+        if not self._feed.is_rejecting or not self._takeover.on_fault(Trigger.LAND_COMMAND, now_ns):
+            return False
+        if stage is Stage.HOLD:
+            self._report(*LANDS_ITSELF)
+        return True
 
     def _answer(self, source: Address, command: int, result: Result) -> None:
         """In the autopilot's name, to which the command was sent."""
@@ -367,7 +381,7 @@ class GuardCore:
             self._send_autopilot(off)
         if turn.lands:
             self._send_autopilot(command_long(self._target, MavCommand.NAV_LAND, 0.0, 0.0, 0.0, float("nan")))
-        if turn.lands and (self._hold.faded or self._hold.stands):  # refused in the air
+        if turn.lands and self._hold.is_down:  # refused in the air
             self._send_autopilot(command_long(self._target, MavCommand.COMPONENT_ARM_DISARM))
 
     def _act_on_faults(self) -> None:

@@ -16,7 +16,7 @@ from drone_agent.guard.navigator import SOURCES, Fault, Navigator
 from drone_agent.guard.setpoints import TILT_MAX_COS
 from formation.maths.arrays import Quat, Vec3
 from formation.maths.quaternion import thrust_axis
-from formation.messages import Innovation, LabFrame
+from formation.messages import FROZEN_FRAMES, Innovation, LabFrame, Rejection
 from formation.navigation.receive import Input, RejectReason
 from formation.navigation.state import POS, SAMPLES, Airframe
 from formation.vehicle.body import GRAVITY_M_S2
@@ -260,8 +260,6 @@ def warm_up() -> None:
 _POSE_NS = 20_000_000
 _DEAD_RECKONING_NS = 500_000_000
 """Longest hold on the inertial sensors alone, unseen or with faulty poses: they drift by some centimetres."""
-_FROZEN_NS = 100_000_000
-"""So long repeated poses are taken for lost frames: ten at 100 Hz."""
 _LIFTED_M = 0.05
 """Height above its stand with motors off: below, the floor disturbs the IMU, and no pose moves the drone."""
 
@@ -276,7 +274,8 @@ class BodyFeed:
         self._pose_due_ns = t0_ns
         self._seen_ns: int | None = None
         self._rejecting_ns: int | None = None
-        self._frozen_ns: int | None = None
+        self._same = 0
+        """So many frames in a row have repeated the pose before them to the last bit, in the air."""
         self._floor_m = nan
         self.stands = True
         """Whether it was last seen within _LIFTED_M of where it stood with motors off."""
@@ -306,15 +305,18 @@ class BodyFeed:
         t_ns, pos, q = frame.t_capture_ns, frame.pos_lab_m[index], frame.q_lab_from_flu[index]
         position_m = pos.tolist()
         if not frame.seen[index] or not all(map(isfinite, position_m)) or not all(map(isfinite, q.tolist())):
+            if frame.rejected[index] == Rejection.FREEZE and not self.stands:
+                self._same = FROZEN_FRAMES
+                self.check(now_ns)
             return None
         if not armed:
             self._floor_m = position_m[2]
         self.stands = not armed or (not self.is_rejecting and position_m[2] - self._floor_m <= _LIFTED_M)
         reason = self._estimate.receive_pose(t_ns, pos, q, stands=self.stands)
         if reason is RejectReason.FROZEN:
-            self._frozen_ns = self._frozen_ns or now_ns
+            self._same += 1
         elif reason is RejectReason.NONE:
-            self._frozen_ns = None
+            self._same = 0
         self.check(now_ns)
         if self._rejecting_ns is not None or reason is not RejectReason.NONE:
             return None
@@ -327,7 +329,7 @@ class BodyFeed:
     def check(self, now_ns: int) -> str:
         """Why the poses are rejected now, empty where they are not; after every input of the estimate."""
         fault = self._estimate.pose_fault
-        if not fault and self._frozen_ns is not None and now_ns - self._frozen_ns >= _FROZEN_NS:
+        if not fault and self._same >= FROZEN_FRAMES:
             fault = "pose frozen"
         self._rejecting_ns = (self._rejecting_ns or now_ns) if fault else None
         return fault

@@ -27,6 +27,7 @@ REPORTS = {
 """The report to the operator as a stage begins."""
 THRUST_LOSS = (Severity.CRITICAL, "Part of its thrust is missing: landing on what is left")
 ATTITUDE_LOSS = (Severity.CRITICAL, "It turns against its commands, a motor may be dead: motors off")
+LANDS_ITSELF = (Severity.WARNING, "Landing commanded, pose rejected: the guard lands it")
 NEW_OWNER = (Severity.WARNING, "Another ground takes over: level and hold")
 BACK = (Severity.INFO, "Setpoints are back")
 STOPPED = "stopped: ask again after 2 s at rest"
@@ -277,9 +278,10 @@ class Takeover:
             return self._next_ns
         return self.stream.deadline_ns if self._mode_known else None
 
-    def due(self, now_ns: int, *, fed: bool, stands: bool) -> Turn:
-        """The actions at `deadline_ns`; fed: the body's own pose is fresh; stands: it was let down and sinks no more.
+    def due(self, now_ns: int, *, fed: bool, down: bool, pose_rejected: bool) -> Turn:
+        """The actions at `deadline_ns`; fed: the body's own pose is fresh; down: it was let down and sinks no more.
 
+        No landing of an autopilot's own begins in the air where poses were rejected: it was shown them until then.
         A stopped drone's motors must not turn, and are stopped until the autopilot says that they do not.
         """
         if self.stream.stage is Stage.STOPPED:
@@ -292,7 +294,8 @@ class Takeover:
             self._next_command_ns = now_ns
         self._next_ns = now_ns + STEP_NS
         stage = self.stream.stage
-        lands = (stands or stage is Stage.DESCEND) and self._mode_known and now_ns >= self._next_command_ns
+        lands = down or (stage is Stage.DESCEND and not pose_rejected)
+        lands = lands and self._mode_known and now_ns >= self._next_command_ns
         if lands:
             self._next_command_ns = now_ns + _AGAIN_NS
         return Turn(tuple(begun), stage, lands)

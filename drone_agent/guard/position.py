@@ -196,9 +196,9 @@ class BodyHold:
         return rests
 
     @property
-    def faded(self) -> bool:
-        """Whether an open-loop descent has reduced the thrust to zero."""
-        return self._open_loop_share() <= 0.0
+    def is_down(self) -> bool:
+        """Whether it was let down and sinks no more, or an open-loop descent has reduced the thrust to zero."""
+        return self.stands or self._open_loop_share() <= 0.0
 
     def note(self, target: AttitudeSetpoint, now_ns: int) -> None:
         """Receive a ground's setpoint: the hold keeps its heading and learns from its tilt what balances a wind."""

@@ -133,7 +133,7 @@ def within_bounds(target: AttitudeSetpoint) -> AttitudeSetpoint:
 def turns_too_fast(target: AttitudeSetpoint, rate_max_rad_s: float) -> bool:
     """Whether a body rate that the setpoint does not ignore is more than the vehicle can follow.
 
-    No such rate is limited and passed on, as a tilt is: without an attitude beside it, it turns the drone over all the same.
+    Limited and passed on, as a tilt is, it would turn a drone over all the same that is sent no attitude beside it.
     """
     rates = zip(_RATES, target.rate_flu_rad_s.tolist(), strict=True)
     return any(not target.ignore & axis and not abs(rate) <= rate_max_rad_s for axis, rate in rates)

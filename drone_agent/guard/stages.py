@@ -32,6 +32,7 @@ class Trigger(StrEnum):
     STALE = "stale"
     NEW_OWNER = "new owner"
     HELD = "held its time"
+    LAND_COMMAND = "landing commanded, pose rejected"
     NO_POSE = "no pose"
     POSE_FAULT = "pose fault"
     THRUST_LOSS = "thrust loss"
@@ -63,6 +64,8 @@ TABLE: Mapping[tuple[Stage, Trigger], Stage] = MappingProxyType(
         (Stage.HOLD, Trigger.NEW_OWNER): Stage.HOLD,
         (Stage.HOLD, Trigger.HELD): Stage.LAND,
         (Stage.HOLD, Trigger.THRUST_LOSS): Stage.LAND,
+        **{(stage, Trigger.LAND_COMMAND): Stage.LAND for stage in (Stage.HOLD, Stage.LAND)},
+        (Stage.DESCEND, Trigger.LAND_COMMAND): Stage.DESCEND,
         (Stage.HOLD, Trigger.NO_POSE): Stage.DESCEND,
         (Stage.LAND, Trigger.NO_POSE): Stage.DESCEND,
         **{(stage, Trigger.ATTITUDE_LOSS): Stage.STOPPED for stage in _SETPOINT_MODES},

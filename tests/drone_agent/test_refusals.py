@@ -155,7 +155,9 @@ def test_a_setpoint_is_tilted_no_further_than_the_bound_and_in_its_own_direction
         ([0.0, -3.9, 0.0], Ignore.ATTITUDE, False), ([100.0, 100.0, 100.0], Ignore.BODY_RATES, True),
     ],
 )  # fmt: skip
-def test_body_rates_beyond_the_vehicles_are_rejected_and_counted(rate: list[float], ignore: Ignore, passes: bool) -> None:
+def test_body_rates_beyond_the_vehicles_are_rejected_and_counted(
+    rate: list[float], ignore: Ignore, passes: bool
+) -> None:
     """PX4's MC_ROLLRATE_MAX is 220 degrees/s, 3.8 rad/s. Full thrust beside such a rate turns a drone over."""
     harness = Harness(pose="mocap", profile="px4_quad")
     harness.fly_offboard(1.0)

@@ -1,5 +1,6 @@
 """What programs decide on: phase, severity, causes, events, outcomes. Without arrays: operators' commands load it."""
 
+import re
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum, auto
 
@@ -77,6 +78,14 @@ class EventCode(StrEnum):
     TRAJECTORY = auto()
     SHAPE = auto()
     HOME = auto()
+
+
+_NUMBER = re.compile(r"-?\d+(\.\d+)?")
+
+
+def condition_key(source: str, code: str, subject: str, text: str) -> tuple[str, str, str]:
+    """What events and alarms of one condition have in common; without a code, their words but for the numbers."""
+    return source, code, subject if code else _NUMBER.sub("#", text)
 
 
 class FlightResult(StrEnum):

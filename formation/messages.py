@@ -20,6 +20,7 @@ from formation.codes import Cause as Cause
 from formation.codes import EventCode as EventCode
 from formation.codes import Phase as Phase
 from formation.codes import Severity as Severity
+from formation.codes import condition_key
 from formation.maths.arrays import (
     Codes,
     Flags,
@@ -211,8 +212,8 @@ class Event:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What it has in common with others of its condition; without a code, its words."""
-        return self.source, self.code, self.subject if self.code else self.text
+        """What it has in common with others of its condition."""
+        return condition_key(self.source, self.code, self.subject, self.text)
 
     def over(self) -> "Event":
         """The event that ends its condition."""

@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from enum import Enum
 
+LAND_ALL = ": `gcs land` lands every drone"
+LAND_AND_INCLUDE = ": `gcs land`, then `gcs include`"
+
 
 class Reason(Enum):
     """One reason against a request; template: its text, with a place for each of the values that it names."""
@@ -16,7 +19,7 @@ class Reason(Enum):
         reason.template = template
         return reason
 
-    OUT_OF_TURN = "{} is for {}, this is {}{}"
+    OUT_OF_TURN = "{} is for {}, this is {}: {}"
     # Who asks, in a lab with keys
     NO_ROLE = "{} has no role: [security] operators names those who have"
     BEYOND_ROLE = "the role {} of {} may not {}"
@@ -38,33 +41,33 @@ class Reason(Enum):
     LOG = "the log: {}"
     STOP_BUTTON = "{}"
     # Drones that fly under no ground, and other grounds
-    FLYING = "drones are flying under no ground: take control, land or stop"
+    FLYING = "drones are flying under no ground: `gcs take-control`, `gcs land` or `gcs stop`"
     ARMED_IN = "{}: armed, in {}"
     IN_AIR = "{}: in the air, it says ({})"
     OTHER_GROUND = "another ground is alive ({}): end it first"
-    NONE_ARMED = "no drone is armed: there is nothing to take control of"
-    NO_POSE_TO_LEAD = "{}: no fresh pose to lead it from: land or stop"
+    NONE_ARMED = "no drone is armed, there is nothing to take control of: `gcs arm`"
+    NO_POSE_TO_LEAD = "{}: no fresh pose to lead it from: `gcs land` or `gcs stop`"
     NONE_FLIES = "every drone is on the ground and disarmed: there is nothing to land"
     JOINING = "{}: does not follow this ground yet"
     # Take-off and reset
-    NOT_ARMED = "not every drone has armed yet"
-    DISARMS_ITSELF = "{}: disarms itself in {:.1f} s, a take-off needs {:g} s: land, and arm again"
+    NOT_ARMED = "not every drone has armed yet: wait until `gcs arm` answers"
+    DISARMS_ITSELF = "{}: disarms itself in {:.1f} s, a take-off needs {:g} s: `gcs land`, then `gcs arm`"
     ARMED = "{}: armed"
-    MAY_BE_ARMED = "{}: no heartbeat (last heard {}), it may be armed: switch it on, or exclude it"
+    MAY_BE_ARMED = "{0}: no heartbeat (last heard {1}), it may be armed: switch it on, or `gcs exclude {0}`"
     # Who takes part
     NO_DRONE = "{}: none of the lab's drones ({})"
-    LEADER_NEEDED = "{}: nothing is formed without the leader"
-    NONE_LEFT = "no follower would be left"
+    LEADER_NEEDED = "{}: nothing is formed without the leader{}"
+    NONE_LEFT = "no follower would be left{}"
     NOT_FLYING = "{}: does not fly in the formation"
     # Shapes and trajectories
     LEADER_OBSERVED = "{}: it is only observed, and flies what it flies"
     LEADER_UNSEEN = "{}: no fresh pose, there is nothing to form on"
     SLOT_OUTSIDE = "{}: its slot would be outside the fence, {}"
     LEADER_OUTSIDE = "{}: it would be outside the fence, {}"
-    NOT_INTERRUPTED = "no trajectory was interrupted by a hold: start"
+    NOT_INTERRUPTED = "no trajectory was interrupted by a hold: `gcs start`"
     NO_TIME = "the time to begin is past, or more than an hour ahead"
-    LED_HOME = "the drones are led home: hold first"
-    NO_START = "{}: where it took off is not known"
+    LED_HOME = "the drones are led home: `gcs hold` first"
+    NO_START = "{}: where it took off is not known: `gcs land` lands it where it is"
     NO_SHAPE = "{}"
     NO_TRANSITION = "{}"
     NO_TRAJECTORY = "{}"

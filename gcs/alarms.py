@@ -18,6 +18,7 @@ EVENTS_MAX = 40
 ACKNOWLEDGED = Event(Severity.NOTICE, "operator", "alarms acknowledged", code=EventCode.ACKNOWLEDGED)
 """The ground's event when an operator has acknowledged every alarm."""
 LATEST = 8
+_STYLES = {Severity.CRITICAL: "bold white on red", Severity.ERROR: "bold red", Severity.WARNING: "yellow"}
 
 
 @dataclass(slots=True)
@@ -36,7 +37,7 @@ class AlarmBook:
             self.acknowledge()
         before = self._alarms.get(event.key)
         if event.ends and before is not None:
-            self._store(replace(before, goes_on=False))
+            self._store(replace(before, goes_on=False, cleared=True))
         if event.severity > Severity.WARNING:
             return
         self._alarms.pop(event.key, None)
@@ -94,8 +95,26 @@ class EventMemory:
 
 
 def ordered(alarms: Iterable[Alarm]) -> tuple[Alarm, ...]:
-    """Those nobody has acknowledged before the others, the severest first, of these the newest."""
-    return tuple(sorted(alarms, key=lambda alarm: (alarm.acknowledged, alarm.severity, -alarm.unix_s)))
+    """Those nobody has acknowledged before the others, the newest first."""
+    return tuple(sorted(alarms, key=lambda alarm: (alarm.acknowledged, -alarm.unix_s)))
+
+
+def folded(alarms: Iterable[Alarm], most: int = MOST) -> tuple[tuple[Alarm, ...], str]:
+    """The alarms that are shown line by line, in order, and a text about the others.
+
+    Cleared ones are counted alone; of more than `most` others, the severest and newest are shown.
+    """
+    every = ordered(alarms)
+    standing = [alarm for alarm in every if not alarm.cleared]
+    first = sorted(standing, key=lambda alarm: (alarm.acknowledged, alarm.level))[:most]
+    more, cleared = len(standing) - len(first), len(every) - len(standing)
+    counts = (f"{count} {name}" for count, name in ((more, "more"), (cleared, "cleared")) if count)
+    return ordered(first), ", ".join(counts)
+
+
+def style(alarm: Alarm) -> str:
+    """An alarm's style in a terminal."""
+    return "dim" if alarm.acknowledged else _STYLES[alarm.level]
 
 
 def is_loud(alarms: Iterable[Alarm]) -> bool:
@@ -159,6 +178,6 @@ def severities(alarms: Iterable[Alarm]) -> str:
     """How many of which kind, in words; those that are acknowledged are counted as such."""
     counts: dict[str, int] = {}
     for alarm in alarms:
-        kind = "acknowledged" if alarm.acknowledged else alarm.severity.name.lower()
+        kind = "acknowledged" if alarm.acknowledged else "cleared" if alarm.cleared else alarm.level.name.lower()
         counts[kind] = counts.get(kind, 0) + 1
     return ", ".join(f"{count} {name}" for name, count in counts.items())

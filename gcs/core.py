@@ -296,7 +296,7 @@ class GcsCore:
             text = "; ".join(reject.text for reject in reasons)
             self._flight.events.append(
                 Event(
-                    Severity.WARNING,
+                    Severity.NOTICE,  # the asker has the reply; nobody else has to act
                     "operator",
                     f"{request.verb} refused: {text}",
                     code=EventCode.REQUEST_REJECTED,

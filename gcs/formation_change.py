@@ -14,7 +14,7 @@ from formation.guidance.transition import Space, Transition, assigned, require_s
 from formation.maths.arrays import Bool, Float
 from formation.messages import OperatorRequest, Phase, Verb
 from formation.paper.eq2_relative_frame import lead_from_lab
-from formation.reasons import Reason, Reject
+from formation.reasons import LAND_ALL, Reason, Reject
 from formation.requests import time_ns
 from formation.safety.rules import Facts
 from formation.safety.rules_table import UNSEEN_S
@@ -107,13 +107,13 @@ def leave(body: str, flight: Flight, stages: Stages | None, now_ns: int) -> tupl
     config, bodies = flight.config, names(flight.config)
     followers = [follower.body for follower in config.followers]
     if body == config.leader.body:
-        return (Reason.LEADER_NEEDED.of(body),)
+        return (Reason.LEADER_NEEDED.of(body, LAND_ALL),)
     if body not in followers:
         return (Reason.NO_DRONE.of(body, ", ".join(bodies)),)
     if stages is None or not flight.forming[followers.index(body)]:
         return (Reason.NOT_FLYING.of(body),)
     if np.count_nonzero(flight.forming) == 1:
-        return (Reason.NONE_LEFT.of(),)
+        return (Reason.NONE_LEFT.of(LAND_ALL),)
     ahead = foreseen(flight.shape, _leader_pose(stages), *flight.trajectory_progress(now_ns), config)
     others = [i for i, follower in enumerate(followers) if flight.forming[i] and follower != body]
     here_m, own = stages.state.pos_lab_m[:, :2], bodies.index(body)

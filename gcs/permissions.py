@@ -13,8 +13,8 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.messages import Phase, Verb
-from formation.reasons import Reason, Reject
-from formation.safety.phases import AFTER_STOP, PHASES_FOR
+from formation.reasons import LAND_AND_INCLUDE, Reason, Reject
+from formation.safety.phases import PHASES_FOR, meant
 from formation.safety.rules import Facts, nearest, outside_box
 from formation.safety.rules_table import BATTERY_LOW, HEARTBEAT_S, UNSEEN_S
 from gcs.drones.autopilot_model import HOVER_WITHIN, ParameterRule
@@ -58,8 +58,8 @@ def reject_reasons(verb: Verb, situation: Situation) -> tuple[Reject, ...]:
     """Every reason against the request now; where it is for other phases, this one alone."""
     phase, phases = situation.flight.phase, PHASES_FOR[verb]
     if phase not in phases:
-        after = f": {AFTER_STOP}" if phase is Phase.STOPPED else ""
-        return (Reason.OUT_OF_TURN.of(verb, ", ".join(each.name for each in phases), phase.name, after),)
+        names = ", ".join(each.name for each in phases)
+        return (Reason.OUT_OF_TURN.of(verb.command_name, names, phase.name, meant(verb, phase)),)
     return tuple(reject for condition in CONDITIONS.get(verb, ()) for reject in condition(situation))
 
 
@@ -197,15 +197,18 @@ def all_armed(now: Situation) -> Iterator[Reject]:
 
 def leader_and_follower(now: Situation) -> Iterator[Reject]:
     """A leader and a follower take part: one drone that is armed alone, to be identified, stays on the floor."""
-    yield from lacking(now.config, now.flight.excluded)
+    yield from lacking(now.config, now.flight.excluded, LAND_AND_INCLUDE)
 
 
-def lacking(config: LabConfig, excluded: Collection[str]) -> Iterator[Reject]:
-    """Why nothing is formed without these bodies: the leader is among them, or every follower."""
+def lacking(config: LabConfig, excluded: Collection[str], instead: str = "") -> Iterator[Reject]:
+    """Why nothing is formed without these bodies: the leader is among them, or every follower.
+
+    instead: ": " and the command that does what is meant.
+    """
     if config.leader.body in excluded:
-        yield Reason.LEADER_NEEDED.of(config.leader.body)
+        yield Reason.LEADER_NEEDED.of(config.leader.body, instead)
     elif config.followers and all(follower.body in excluded for follower in config.followers):
-        yield Reason.NONE_LEFT.of()
+        yield Reason.NONE_LEFT.of(instead)
 
 
 def time_to_lift_off(now: Situation) -> Iterator[Reject]:

@@ -18,7 +18,7 @@ from rich.text import Text
 from formation.config import LinkConfig
 from formation.messages import OperatorRequest, Verb
 from formation.requests import answer_s
-from gcs.alarms import ShownAlarms
+from gcs.alarms import ShownAlarms, folded, style
 from gcs.page.show import COLUMNS, LABELS, UNITS, Cell, Level, Show, none_of_ours, not_landed_text, show
 from wire import clock
 from wire.errors import BusError, ConfigError
@@ -45,7 +45,9 @@ def picture(shown: Show, alarms: tuple[Alarm, ...], answer: str) -> Group:
         head = Text(f" NO CONNECTION TO THE GROUND: {shown.lost} ", "bold white on red")
     else:
         head = Text.assemble(
-            (f" {'-' if shown.phase is None else shown.phase.name} ", "bold reverse"), f" {shown.since}  {shown.cause}"
+            (f" {'-' if shown.phase is None else shown.phase.name} ", "bold reverse"),
+            *((f" {text} ", "bold yellow") for text in (shown.left_out,) if text),
+            f" {shown.since}  {shown.cause}",
         )
     parts = [head]
     parts += [Text(text, "bold yellow") for text in shown.countdowns]
@@ -57,10 +59,9 @@ def picture(shown: Show, alarms: tuple[Alarm, ...], answer: str) -> Group:
         for reason in step.reasons
         if not step.is_idle
     ]
-    alarm_lines = [
-        Text(f"{alarm.severity.name} {alarm.source}: {alarm.text}", "red" if alarm.acknowledged else "bold red")
-        for alarm in alarms[:MOST_ALARMS]
-    ]
+    standing, others = folded(alarms, MOST_ALARMS)
+    alarm_lines = [Text(alarm.line, style(alarm), no_wrap=True, overflow="ellipsis") for alarm in standing]
+    alarm_lines += [Text(f"alarms: {others}", "dim")] if others else []
     keys = Text("H hold   L land   SPACE STOP   A acknowledge   Q quit", "dim")
     return Group(*parts, _table(shown), vital, *against[:MOST_ALARMS], *alarm_lines, Text(answer, "bold"), keys)
 

@@ -7,12 +7,13 @@ was. Without arrays: operators' commands load it.
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from enum import IntEnum
 from functools import cache
 from operator import attrgetter
 from typing import Any, get_type_hints
 
-from formation.codes import Cause, Phase, Severity
+from formation.codes import Cause, Phase, Severity, condition_key
 from formation.requests import CONFIGURED
 from wire.text import parse_object
 
@@ -123,9 +124,10 @@ class PublishedEvent:
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """One alarm: since when, how severe, whose, in words; code, subject: as of its event; times: how often it came.
+    """One alarm: when it came last, how severe, whose, in words; code, subject: as of its event; times: how often.
 
-    goes_on: its condition has not ended. acknowledged: an operator has read it.
+    goes_on: its condition has not ended; cleared: it has. What has no duration is neither. acknowledged: an operator
+    has read it.
     """
 
     unix_s: float
@@ -137,11 +139,28 @@ class Alarm:
     times: int = 1
     goes_on: bool = False
     acknowledged: bool = False
+    cleared: bool = False
 
     @property
     def key(self) -> tuple[str, str, str]:
         """The key that it shares with the events of its condition (formation.messages.Event.key)."""
-        return self.source, self.code, self.subject if self.code else self.text
+        return condition_key(self.source, self.code, self.subject, self.text)
+
+    @property
+    def level(self) -> Severity:
+        """CRITICAL, ERROR or WARNING: what is worse than critical asks for no more."""
+        return max(self.severity, Severity.CRITICAL)
+
+    @property
+    def time(self) -> str:
+        """The local time at which it came last."""
+        return f"{datetime.fromtimestamp(self.unix_s):%H:%M:%S}"
+
+    @property
+    def line(self) -> str:
+        """Time, level, how often, and the words, in a line that may be cut at its end."""
+        seen, times = "seen " if self.acknowledged else "", f"{self.times}x " if self.times > 1 else ""
+        return f"{self.time} {self.level.name} {seen}{times}{self.source}: {self.text}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,6 +210,12 @@ class GroundState:
     events: tuple[PublishedEvent, ...] = ()
     alarms: tuple[Alarm, ...] = ()
     lost_lines: int = 0
+
+    @property
+    def left_out(self) -> str:
+        """The bodies that take no part in the flight, in words; empty for none."""
+        bodies = ", ".join(drone.body for drone in self.drones if drone.excluded)
+        return f"left out: {bodies}" if bodies else ""
 
     @property
     def motors_on(self) -> Mapping[str, bool]:

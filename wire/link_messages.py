@@ -29,8 +29,9 @@ class Address(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Who that is, for people."""
-        return f"{'the ground' if self.system == GROUND_SYSTEM else 'system'}, {self}"
+        """The sender's name where it has one, for people."""
+        is_ground = self.system == GROUND_SYSTEM and self.component in GROUND_COMPONENTS
+        return "the ground" if is_ground else f"system {self}"
 
 
 GROUND_COMPONENTS = range(25, 100)  # MAV_COMP_ID_USER1 to USER75

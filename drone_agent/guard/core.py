@@ -260,7 +260,7 @@ class GuardCore:
         if sender.asks(now_ns):
             self._send_ground(TimeSync(0, now_ns))
         if stream.stage is Stage.FOLLOW and sender.is_age_unknown():
-            self._report(Severity.INFO, f"Age of setpoints of {source} unknown: no TIMESYNC")
+            self._report(Severity.INFO, f"Age of setpoints of {source.words} unknown: no TIMESYNC")
         if filtered.target is not None:
             self._hold.note(filtered.target, now_ns)
             self._note_command(filtered.target.thrust_norm, filtered.target.q_lab_from_flu)

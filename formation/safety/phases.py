@@ -55,6 +55,19 @@ AFTER_STOP = "when every drone is disarmed and heard, `gcs reset` leads back to 
 AFTER_HOLD = "`start` or `resume` by the operator leads on"
 """What to do next in HOLD: nothing resumes by itself, whatever the cause and though it be over."""
 
+LEADS_ON: Mapping[Phase, str] = MappingProxyType(
+    {
+        Phase.GROUND: "`gcs arm`, then `gcs takeoff` begin a flight",
+        Phase.ARMED: "`gcs takeoff` leads on, `gcs land` disarms",
+        Phase.TAKEOFF: "HOLD comes when every drone is at its height",
+        Phase.FORMATION: "`gcs hold` leads to HOLD, `gcs land` down",
+        Phase.HOLD: "`gcs start` leads on, `gcs land` down",
+        Phase.LAND: "GROUND comes when every drone is down and disarmed",
+        Phase.STOPPED: AFTER_STOP,
+    }
+)
+"""For an operator whose request is for other phases: how these come."""
+
 STREAMING = frozenset({Phase.ARMED, Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD, Phase.LAND})
 """Phases in which every commanded drone is sent setpoints."""
 
@@ -94,6 +107,12 @@ PHASES_FOR: Mapping[Verb, tuple[Phase, ...]] = MappingProxyType(
     }
 )
 """The phases in which a request may be made."""
+
+
+def meant(verb: Verb, phase: Phase) -> str:
+    """The command that does what is meant by a request that is not for this phase."""
+    in_flight = phase in (Phase.TAKEOFF, Phase.FORMATION, Phase.HOLD)
+    return "`gcs land BODY` lands that drone alone" if verb is Verb.EXCLUDE and in_flight else LEADS_ON[phase]
 
 
 def table_markdown() -> str:

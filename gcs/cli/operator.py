@@ -302,8 +302,11 @@ def print_status(state: "GroundState", console: "Console") -> None:
     from rich.table import Table
     from rich.text import Text
 
+    from gcs.alarms import folded, style
+
     flown = "" if state.trajectory == CONFIGURED else f", trajectory {state.trajectory}"
-    console.print(Text.assemble((state.phase.name, "bold"), f" ({state.cause}), shape {state.shape}{flown}"))
+    head = Text.assemble((state.phase.name, "bold"), f" ({state.cause}), shape {state.shape}{flown}")
+    console.print(head.append(f", {state.left_out}", "bold yellow") if state.left_out else head)
     if state.not_landed:
         console.print(Text(f"not known to have landed: {', '.join(state.not_landed)}", "bold red"))
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
@@ -331,11 +334,11 @@ def print_status(state: "GroundState", console: "Console") -> None:
         console.print(Text(f"{body} is rejected by the mocap: {reason}", "red"))
     for reason in state.prearm_failures:
         console.print(Text(f"not ready: {reason}", "yellow"))
-    for alarm in state.alarms:
-        still = ", goes on" if alarm.goes_on else ""
-        read = ", acknowledged" if alarm.acknowledged else ": gcs acknowledge"
-        text = f"{alarm.severity.name} {alarm.source}: {alarm.text} ({alarm.times} x{still}{read})"
-        console.print(Text(text, "yellow" if alarm.acknowledged else "red"))
+    standing, others = folded(state.alarms)
+    for alarm in standing:
+        console.print(Text(alarm.line, style(alarm)), no_wrap=True, overflow="ellipsis")
+    if others:
+        console.print(Text(f"alarms: {others}; gcs acknowledge takes them out", "dim"))
     for line in next_steps(state.phase, state.allowed):
         console.print(line, style="yellow", highlight=False, markup=False)
 

@@ -6,13 +6,13 @@ Whatever drones, logs and people said is escaped.
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from html import escape
 
 from formation.config import Fence
 from formation.messages import Severity, Verb
 from formation.safety.phases import PHASES_FOR
 from formation.security_config import MAY_ASK, Role
+from gcs.alarms import folded
 from gcs.page.scene import Body, Point, Scene
 from gcs.page.show import ABOUT, COLUMNS, LABELS, UNITS, Cell, Level, Show, Step, not_landed_text, worst
 from wire.ground_state import Alarm
@@ -243,8 +243,9 @@ _CLASS = {Level.CALM: "", Level.WARN: ' class="warn"', Level.BAD: ' class="bad"'
 
 
 def head(shown: Show) -> str:
-    """Phase, for how long, and why; countdowns beside it."""
-    left = "".join(f'<span class="countdown">{escape(text)}</span>' for text in shown.countdowns)
+    """Phase, for how long, and why; countdowns beside it, and who is left out."""
+    texts = (*shown.countdowns, *((shown.left_out,) if shown.left_out else ()))
+    left = "".join(f'<span class="countdown">{escape(text)}</span>' for text in texts)
     name = "-" if shown.phase is None else shown.phase.name
     phase = "phase p-aloft" if shown.not_landed else f"phase p-{name.lower()}"
     aloft = f'<span class="aloft">✖ {escape(not_landed_text(shown.not_landed))}</span> ' if shown.not_landed else ""
@@ -289,10 +290,11 @@ def steps(shown: Show, commands: bool) -> str:
 
 
 def alarms(open_: Sequence[Alarm], latest: Sequence[Alarm]) -> str:
-    """Those that are not acknowledged and over; without any, the newest events, dimmed."""
-    if open_:
-        return "".join(map(_alarm, open_))
-    return "".join(f'<p class="event">{_time(one)} {escape(one.source)}: {escape(one.text)}</p>' for one in latest)
+    """Those that are not acknowledged and over, cleared ones folded; without any, the newest events, dimmed."""
+    standing, others = folded(open_)
+    cleared = "".join(map(_event, (alarm for alarm in open_ if alarm.cleared)))
+    fold = f'<details class="event"><summary>{others}</summary>{cleared}</details>' if others else ""
+    return "".join(map(_alarm, standing)) + fold if open_ else "".join(map(_event, latest))
 
 
 def lost(shown: Show) -> str:
@@ -312,16 +314,15 @@ def _alarm(alarm: Alarm) -> str:
     name += " read" if alarm.acknowledged else ""
     mark = "✖" if alarm.severity <= Severity.ERROR else "▲"
     times = f" ({alarm.times} times)" if alarm.times > 1 else ""
-    word = alarm.severity.name
     still = (", goes on" if alarm.goes_on else "") + (", acknowledged" if alarm.acknowledged else "")
     return (
-        f'<div class="alarm {name}"><b>{mark} {word} {_time(alarm)}</b> '
+        f'<div class="alarm {name}"><b>{mark} {alarm.level.name} {alarm.time}</b> '
         f"{escape(alarm.source)}: {escape(alarm.text)}{times}{still}</div>"
     )
 
 
-def _time(alarm: Alarm) -> str:
-    return f"{datetime.fromtimestamp(alarm.unix_s):%H:%M:%S}"
+def _event(alarm: Alarm) -> str:
+    return f'<p class="event">{alarm.time} {escape(alarm.source)}: {escape(alarm.text)}</p>'
 
 
 def _cell(cell: Cell) -> str:

@@ -160,7 +160,8 @@ class Show:
     """Everything but the room and the alarms, in words. lost: in what the connection to the ground is lost, or empty.
 
     vital: short facts of the machines, each with a name and a value; countdowns: likewise, with seconds left.
-    not_landed: drones whose motors may still turn, though the landing or the stop is over.
+    not_landed: drones whose motors may still turn, though the landing or the stop is over. left_out: in words, empty
+    for none.
     """
 
     lost: str
@@ -173,6 +174,7 @@ class Show:
     stop: str
     not_landed: tuple[str, ...]
     vital: tuple[tuple[str, Cell], ...]
+    left_out: str = ""
 
 
 NOTHING_YET = Show("waiting to hear the ground: `gcs run` starts one", None, "", "", (), (), (), "", (), ())
@@ -208,6 +210,7 @@ def show(
         stop=stop_text(state),
         not_landed=state.not_landed,
         vital=vital(state, mocap),
+        left_out=state.left_out,
     )
 
 

@@ -106,7 +106,7 @@ def test_a_client_without_timesync_flies_and_that_is_said_once() -> None:
     harness = Harness(pose="mocap")
     harness.fly_offboard(0.6)
     assert harness.stream.stage is Stage.FOLLOW
-    assert harness.texts().count("Age of setpoints of 255/190 unknown: no TIMESYNC") == 1
+    assert harness.texts().count("Age of setpoints of system 255/190 unknown: no TIMESYNC") == 1
     harness.run(1.0, lambda h: hover_at(0.6)(h)._replace(t_boot_ms=0))
     assert harness.stream.stage is Stage.FOLLOW
 

@@ -115,8 +115,8 @@ def _joined(node: ast.JoinedStr) -> str:
 
 
 def normal(text: str) -> str:
-    """One spelling of a text: variable parts as one `…`, single blanks."""
-    text = " ".join(text.replace("{}", GAP).split())
+    """One spelling of a text: variable parts as one `…`, single blanks, commands without their marks."""
+    text = " ".join(text.replace("{}", GAP).replace("`", "").split())
     while GAP + GAP in text:
         text = text.replace(GAP + GAP, GAP)
     return text

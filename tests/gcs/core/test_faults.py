@@ -9,6 +9,7 @@ import pytest
 from formation.guidance.plan import Mode
 from formation.messages import Phase, Verb
 from formation.reasons import Reason
+from gcs.alarms import EventMemory
 from gcs.core import BrokenInvariantError
 from tests.gcs.fakes import FakeLab, commands, flying, reasons, refusal, triangle
 from wire.link_messages import EkfStatus, ExtendedSysState, LandedState, ParamType, ParamValue, Result
@@ -54,7 +55,13 @@ def test_a_drone_that_rejects_arming_disarms_the_others_with_its_own_words():
 def test_requests_out_of_turn_are_rejected_with_the_phases_they_are_for():
     lab = FakeLab(triangle())
     lab.run(1.0)
-    assert refusal(lab, Verb.TAKEOFF) == "takeoff is for ARMED, this is GROUND"
+    remedy = "`gcs arm`, then `gcs takeoff` begin a flight"
+    assert refusal(lab, Verb.TAKEOFF) == f"takeoff is for ARMED, this is GROUND: {remedy}"
+    alarms = EventMemory()
+    for _, event in (record for record in lab.records if record[0] == "event"):
+        alarms.note(event, 0)
+    assert [event.text.partition(":")[0] for event in alarms.newest][-1:] == ["takeoff refused"]
+    assert alarms.alarms.open == ()  # the asker has the reply, nobody else has to act
     assert reasons(lab, Verb.START) == [Reason.OUT_OF_TURN]
     assert reasons(lab, Verb.SHAPE) == [Reason.NO_SHAPE]
     lab.run(1.0)

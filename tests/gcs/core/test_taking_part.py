@@ -6,7 +6,7 @@ import pytest
 from formation.codes import Cause
 from formation.messages import Phase, Verb
 from formation.reasons import Reason
-from tests.gcs.fakes import FakeLab, commands, reasons, triangle
+from tests.gcs.fakes import FakeLab, commands, reasons, refusal, triangle
 from wire.link_messages import MavCommand
 
 STAY = {"body": "lead", "sysid": 1, "trajectory": {"kind": "hold", "duration_s": 60.0}}
@@ -95,6 +95,7 @@ def test_in_the_air_nobody_is_left_out_or_taken_in(lab: FakeLab) -> None:
     lab.take_off()
     for verb in (Verb.EXCLUDE, Verb.INCLUDE):
         assert reasons(lab, verb, "left") == [Reason.OUT_OF_TURN]
+    assert refusal(lab, Verb.EXCLUDE, "left").endswith("this is HOLD: `gcs land BODY` lands that drone alone")
 
 
 def test_with_a_new_battery_it_is_taken_in_again(lab: FakeLab) -> None:

@@ -77,4 +77,6 @@ def test_the_one_that_was_chosen_is_said_with_its_numbers_and_none_is_chosen_in_
     assert ask(flying, "out").text == "phase GROUND, shape configured, trajectory out"
     assert "trajectory out: line, 0.80 m in 3.0 s, up to 0.50 m/s and 0.51 m/s^2" in flying.events
     flying.fly()
-    assert ask(flying, "eight").text == "trajectory is for GROUND, ARMED, TAKEOFF, HOLD, this is FORMATION"
+    assert ask(flying, "eight").text == (
+        "trajectory is for GROUND, ARMED, TAKEOFF, HOLD, this is FORMATION: `gcs hold` leads to HOLD, `gcs land` down"
+    )

@@ -60,7 +60,8 @@ def test_a_take_off_that_the_time_out_would_cut_is_rejected_with_the_seconds_it_
     lab.run(6.5)
     assert (EventCode.TAKE_OFF_TOO_LATE, "") in lab.reported
     refused = _take_off(lab)
-    assert re.match(r"lead: disarms itself in [12]\.\d s, a take-off needs 3 s: land, and arm again; left: ", refused)
+    remedy = "`gcs land`, then `gcs arm`"
+    assert re.match(rf"lead: disarms itself in [12]\.\d s, a take-off needs 3 s: {remedy}; left: ", refused)
     assert lab.phase is Phase.ARMED
     lab.command(Verb.LAND, Phase.GROUND)
     lab.run(2.0)

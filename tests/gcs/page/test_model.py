@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from formation.messages import Event, Phase, Severity, Verb
-from gcs.alarms import ACKNOWLEDGED, EventMemory, ShownAlarms
+from gcs.alarms import ACKNOWLEDGED, EventMemory, ShownAlarms, folded
 from gcs.page import drawing
 from gcs.page.drawing import Stand, above, perspective
 from gcs.page.foresee import shape, start
@@ -15,7 +15,7 @@ from gcs.page.scene import Trails, scene
 from gcs.page.show import COLUMNS, UNITS, Cell, Level, Step, countdowns, row, show, stop_text
 from gcs.rehearsal import record, recorded
 from tests.gcs.fakes import FakeLab, flying, refusal, triangle
-from wire.ground_state import GroundState, PublishedEvent, encode
+from wire.ground_state import Alarm, GroundState, PublishedEvent, encode
 
 
 def step(state: GroundState, verb: Verb) -> Step:
@@ -65,7 +65,7 @@ def test_a_step_is_allowed_in_its_phase_and_says_why_not_elsewhere(flight):
     assert step(flight[Phase.GROUND], Verb.START).out_of_turn
     assert not step(flight[Phase.GROUND], Verb.TAKE_CONTROL).out_of_turn
     assert step(flight[Phase.GROUND], Verb.TAKE_CONTROL).reasons == (
-        "no drone is armed: there is nothing to take control of",
+        "no drone is armed, there is nothing to take control of: `gcs arm`",
     )
 
 
@@ -184,7 +184,7 @@ def published(told: EventMemory, session: int = 7) -> GroundState:
 
 
 @pytest.mark.parametrize("first", ["acknowledged", "over"])
-def test_the_severest_alarm_is_first_and_stays_until_it_is_acknowledged_and_over(first: str):
+def test_the_newest_alarm_is_first_and_stays_until_it_is_acknowledged_and_over(first: str):
     shown, told = ShownAlarms(), EventMemory()
     told.note(BATTERY, 1_000_000)
     told.note(OUTSIDE, 2_000_000)
@@ -192,15 +192,18 @@ def test_the_severest_alarm_is_first_and_stays_until_it_is_acknowledged_and_over
     told.note(replace(BATTERY, text="left: battery under 20 %, said otherwise"), 4_000_000)
     shown.receive_ground(published(told))
     shown.receive_ground(published(told))  # the same again is no news
-    assert [(one.text, one.times, one.unix_s) for one in shown.open][:2] == [
-        (OUTSIDE.text, 1, 2.0),
+    assert [(one.text, one.times, one.unix_s) for one in shown.open] == [
         ("left: battery under 20 %, said otherwise", 2, 4.0),
+        ("low voltage", 1, 3.0),
+        (OUTSIDE.text, 1, 2.0),
     ]
     assert shown.loud
     told.note(ACKNOWLEDGED if first == "acknowledged" else OUTSIDE.over(), 5_000_000)
     shown.receive_ground(published(told))
-    alarm = shown.open[0] if first == "acknowledged" else next(one for one in shown.open if one.text == OUTSIDE.text)
+    alarm = next(one for one in shown.open if one.text == OUTSIDE.text)
     assert (alarm.acknowledged, alarm.goes_on) == ((True, True) if first == "acknowledged" else (False, False))
+    assert folded(shown.open)[1] == ("" if first == "acknowledged" else "1 cleared")
+    assert ("<summary>1 cleared</summary>" in drawing.alarms(shown.open, ())) is (first == "over")
     assert shown.loud is (first == "over")
     assert ("goes on, acknowledged" in drawing.alarms(shown.open, ())) is (first == "acknowledged")
     told.note(OUTSIDE.over() if first == "acknowledged" else ACKNOWLEDGED, 6_000_000)
@@ -208,6 +211,21 @@ def test_the_severest_alarm_is_first_and_stays_until_it_is_acknowledged_and_over
     assert [one.code for one in shown.open] == [BATTERY.code]
     told.note(OUTSIDE, 7_000_000)  # comes again: news
     assert next((one.text, one.acknowledged) for one in told.alarms.open) == (OUTSIDE.text, False)
+
+
+def test_few_lines_show_the_severest_alarms_and_count_the_others():
+    alarms = [Alarm(float(k), Severity.WARNING, "left", f"warning {k}") for k in range(9)]
+    severe = Alarm(0.5, Severity.EMERGENCY, "right", "falls")
+    standing, others = folded([*alarms, severe, Alarm(20.0, Severity.ERROR, "x", "was", cleared=True)], 3)
+    assert [alarm.text for alarm in standing] == ["warning 8", "warning 7", "falls"]
+    assert (standing[-1].level, others) == (Severity.CRITICAL, "7 more, 1 cleared")
+
+
+def test_reports_that_differ_by_their_numbers_are_one_alarm():
+    told = EventMemory()
+    for count in (27, 100):
+        told.note(Event(Severity.WARNING, "left", f"refused: {count} x setpoint older than 100 ms"), count)
+    assert [(alarm.text[:12], alarm.times) for alarm in told.alarms.open] == [("refused: 100", 2)]
 
 
 def test_alarms_of_a_ground_that_is_gone_stay_until_they_are_acknowledged():
@@ -229,8 +247,8 @@ def test_a_false_state_hides_no_real_alarm():
         shown.receive_ground(state)
     assert [(one.text, one.times) for one in shown.open] == [("right: outside", 1)]
     for k in range(5000):
-        false.note(Event(Severity.WARNING, "x", f"{k}"), 1)
-    false.note(OUTSIDE, 2)
+        false.note(Event(Severity.WARNING, f"{k}", "x"), 1)
+    false.note(OUTSIDE, 20_000)
     assert len(false.alarms.open) <= 100
     assert false.alarms.open[0].text == "right: outside"
 

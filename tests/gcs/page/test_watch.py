@@ -25,13 +25,22 @@ def test_a_swarm_fits_into_80_columns_and_says_what_is_wrong():
     row = "12 follower_12 PX4 OFFBOARD ARMED air 15.2 97 24 26 120 0.9 12.5 1234 0.38 ok"
     cells = tuple(Cell(text, Level.BAD if text == "1234" else Level.CALM) for text in row.split(" "))
     shown = replace(NOTHING_YET, rows=(cells,) * 20, steps=(Step(Verb.ARM, ("left: no fresh pose",)),), lost="")
-    lines = printed(shown, Alarm(0.0, Severity.ERROR, "safety", "right: outside the fence"))
+    long = Alarm(61.0, Severity.WARNING, "left", "refused: " + 9 * "27 x setpoint older than 100 ms, ", times=3)
+    over = Alarm(70.0, Severity.ERROR, "safety", "left: low", cleared=True)
+    lines = printed(shown, over, long, Alarm(0.0, Severity.ERROR, "safety", "right: outside the fence"))
     assert max(map(len, lines)) <= 80
     table = [line.split() for line in lines if line.startswith("12 ")]
     assert table[0][2:] == ["OFFBOARD", "ARMED", "97", "24", "26", "120", "0.9", "12.5", "1234", "0.38", "ok"]
     assert "Arm is not possible: left: no fresh pose" in "\n".join(lines)
-    assert "ERROR safety: right" in "\n".join(lines)
+    alarms = [line[2:] for line in lines if line[2:3] == ":"]
+    assert [line[:23].strip() for line in alarms] == [":01:01 WARNING 3x left:", ":00:00 ERROR safety: ri"]
+    assert len(alarms[0]) == 78
+    assert "alarms: 1 cleared" in lines
     assert "NO CONNECTION TO THE GROUND" in printed(NOTHING_YET)[0]
+
+
+def test_the_head_says_who_is_left_out():
+    assert "left out: cf03" in printed(replace(NOTHING_YET, lost="", phase=Phase.GROUND, left_out="left out: cf03"))[0]
 
 
 def test_without_a_keyboard_it_ends_in_one_line(monkeypatch, capsys):

@@ -50,9 +50,13 @@ class Tab:
 
     def open(self, url: str, width: int = 1920, height: int = 1080) -> None:
         """Go there."""
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        self.resize(width, height)
         self.call("Page.enable")
         self.call("Page.navigate", url=url)
+
+    def resize(self, width: int, height: int = 1080) -> None:
+        """Make the window so large, pixels."""
+        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
     def until(self, script: str, patience_s: float = PATIENCE_S) -> Any:
         """Wait until the script evaluates to something."""

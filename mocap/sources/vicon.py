@@ -3,16 +3,12 @@
 A packet is a tag, a length and blocks; a block is a kind, a length and one object. All little endian. Source: the
 stream classes that Vicon publishes with its DataStream SDK (Enum.h, SubjectInfo.h, GlobalSegments.h and others).
 
-From frame to frame only numbers change: the frame's own, the latencies, the segments' places. Whatever else is in a
-packet (kinds, lengths, counts, identifiers) is compared byte by byte with one that was read, and found right, before:
-a packet of the same layout is not taken apart again.
-
 A session says what is wanted, then takes every frame the server pushes. Sans-IO, time an argument.
 """
 
 import math
 import struct
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, TypeVar
@@ -204,9 +200,6 @@ def _text(data: bytes, at: int, what: str) -> tuple[str, int]:
     return data[start : start + size].decode("utf-8", "replace"), start + size
 
 
-READ = frozenset({Kind.CONTENTS, Kind.FRAME_INFO, Kind.GLOBAL_SEGMENTS, Kind.LATENCY_INFO})
-"""A packet with blocks of other kinds is always taken apart."""
-ONCE = (Kind.FRAME_INFO, Kind.LATENCY_INFO)
 ROW = np.dtype([("identifier", "<u4"), ("row", "<f8", 12)])
 LOST = bytes(SEGMENT.size)
 """Instead of a body out of sight, which some programs send themselves: it is at exactly zero."""
@@ -218,56 +211,6 @@ def rows_of(segments: Sequence[bytes | None]) -> Rows:
     table: NDArray[Any] = np.frombuffer(b"".join([segment or LOST for segment in segments]), ROW)
     rows: Rows = table["row"]
     return rows
-
-
-class Layout:
-    """The layout of a packet of which nothing was refused; roots: each subject's root segment, as it is written."""
-
-    def __init__(self, blocks: Sequence[Block], roots: Mapping[int, bytes]) -> None:
-        self.changing: dict[int, slice] = {}
-        """Where FRAME_INFO and LATENCY_INFO are."""
-        whole = b"".join(HEADER.pack(kind, len(data)) + data for kind, data in blocks)
-        changes = np.zeros(len(whole), np.bool_)
-        root_at: dict[int, int] = {}
-        at = 0
-        for kind, data in blocks:
-            at += HEADER.size
-            if kind in ONCE:
-                self.changing[kind] = slice(at, at + len(data))
-                changes[at : at + len(data)] = True
-            elif kind == Kind.GLOBAL_SEGMENTS:
-                subject, n = HEADER.unpack_from(data)
-                firsts = [at + HEADER.size + k * SEGMENT.size for k in range(n)]
-                for first in firsts:
-                    changes[first + 4 : first + SEGMENT.size] = True
-                root_at.update((subject, at) for at in reversed(firsts) if whole.startswith(roots[subject], at))
-            at += len(data)
-        self._size = len(whole)
-        self._same = np.flatnonzero(~changes)
-        self._fixed_bytes = np.frombuffer(whole, np.uint8)[self._same].tobytes()
-        self._seen = [k for k, subject in enumerate(roots) if subject in root_at]
-        starts = [root_at[subject] + 4 for subject in roots if subject in root_at]
-        self._row_bytes = np.array(starts, np.intp)[:, None] + np.arange(SEGMENT.size - 4)
-        self._bodies = len(roots)
-
-    def rows(self, packet: bytes) -> Rows | None:
-        """As `rows_of`; None where the packet is laid out otherwise."""
-        if len(packet) != self._size:
-            return None
-        data = np.frombuffer(packet, np.uint8)
-        if data[self._same].tobytes() != self._fixed_bytes:
-            return None
-        seen: Rows = data[self._row_bytes].view("<f8")
-        if len(self._seen) == self._bodies:
-            return seen
-        rows = np.zeros((self._bodies, 12))
-        rows[self._seen] = seen
-        return rows
-
-
-def is_plain(kinds: Collection[int]) -> bool:
-    """Whether a packet of these blocks may have a layout."""
-    return READ.issuperset(kinds) and all(list(kinds).count(kind) <= 1 for kind in ONCE) and Kind.FRAME_INFO in kinds
 
 
 WANTED = frozenset(
@@ -308,21 +251,17 @@ class ViconSession:
         self._offered: frozenset[int] = frozenset()
         self._roots: dict[int, bytes] = {}
         self._segments: dict[int, bytes] = {}
-        self._layout: Layout | None = None
-        self._newest = b""
-        """The packet that was read by its layout, where one was since the segments were."""
         self._period: int | None = None
         self._latency_s: float | None = None
         self._opened_ns = self._pinged_ns = now_ns
-        self._pings = self._rejected = self._size = 0
+        self._pings = 0
 
     def received(self, data: bytes, now_ns: int) -> bytes:
         """Take the next bytes; what to answer. ProtocolError where the connection cannot go on."""
         answers = []
         for packet in self._stream.receive(data):
             try:
-                if not self._read_by_layout(packet, now_ns):
-                    answers.append(self._packet(blocks_of(packet), now_ns))
+                answers.append(self._packet(blocks_of(packet), now_ns))
             except ProtocolError:
                 raise
             except ValueError as error:
@@ -339,24 +278,7 @@ class ViconSession:
         self._pings += 1
         return packet_of((Kind.PING, struct.pack("<Q", self._pings)))
 
-    def _read_by_layout(self, packet: bytes, now_ns: int) -> bool:
-        """Whether it is laid out as the one before, which spares nearly all of the work."""
-        layout = self._layout
-        rows = None if layout is None else layout.rows(packet)
-        if layout is None or rows is None:
-            return False
-        changed = {kind: [packet[where]] for kind, where in layout.changing.items()}
-        number = number_of(changed[Kind.FRAME_INFO][-1])
-        self._newest = packet
-        self._receive_latency(changed)
-        self._deliver(ViconFrame(number, self._period, self._latency_s, rows), now_ns)
-        return True
-
     def _packet(self, blocks: list[Block], now_ns: int) -> bytes:
-        self._layout = None
-        if self._newest:
-            before = [data for kind, data in blocks_of(self._newest) if kind == Kind.GLOBAL_SEGMENTS]
-            self._newest, self._segments = b"", self._segments_of(before)
         of: dict[int, list[bytes]] = {}
         for kind, data in blocks:
             of.setdefault(kind, []).append(data)
@@ -364,12 +286,10 @@ class ViconSession:
             self._period = self._read(period_of, of[Kind.STREAM_INFO][-1], self._period)
         if Kind.SUBJECT_INFO in of:
             self._name([subject_of(data) for data in of[Kind.SUBJECT_INFO]])
-        self._receive_latency(of)
-        if Kind.FRAME_INFO in of and self._frame(of, now_ns) and is_plain([kind for kind, _ in blocks]):
-            size = sum(len(data) for _, data in blocks)
-            if size == self._size:  # laid out the same twice: it may well be again
-                self._layout = Layout(blocks, self._roots)
-            self._size = size
+        if Kind.LATENCY_INFO in of:
+            self._latency_s = self._read(latency_of, of[Kind.LATENCY_INFO][-1], self._latency_s)
+        if Kind.FRAME_INFO in of:
+            self._frame(of, now_ns)
         return self._want(kinds_of(of[Kind.OBJECT_ENUMS][-1])) if Kind.OBJECT_ENUMS in of else b""
 
     def _want(self, offered: frozenset[int]) -> bytes:
@@ -386,23 +306,13 @@ class ViconSession:
         self._roots = roots
         self._named(tuple(name for _, name, _ in subjects))
 
-    def _receive_latency(self, of: Mapping[int, list[bytes]]) -> None:
-        if Kind.LATENCY_INFO in of:
-            self._latency_s = self._read(latency_of, of[Kind.LATENCY_INFO][-1], self._latency_s)
-
-    def _frame(self, of: Mapping[int, list[bytes]], now_ns: int) -> bool:
-        """Whether it has segments of its own, and all of them could be read."""
+    def _frame(self, of: Mapping[int, list[bytes]], now_ns: int) -> None:
         number = number_of(of[Kind.FRAME_INFO][-1])
         unchanged = unchanged_of(of[Kind.CONTENTS][-1]) if Kind.CONTENTS in of else frozenset()
-        blocks = of.get(Kind.GLOBAL_SEGMENTS, [])
-        is_whole = Kind.GLOBAL_SEGMENTS not in unchanged
-        if is_whole:
-            rejected_before = self._rejected
-            self._segments = self._segments_of(blocks)
-            is_whole = rejected_before == self._rejected
+        if Kind.GLOBAL_SEGMENTS not in unchanged:
+            self._segments = self._segments_of(of.get(Kind.GLOBAL_SEGMENTS, []))
         rows = rows_of([self._segments.get(identifier) for identifier in self._roots])
         self._deliver(ViconFrame(number, self._period, self._latency_s, rows), now_ns)
-        return is_whole
 
     def _segments_of(self, blocks: list[bytes]) -> dict[int, bytes]:
         """Each subject's root; one that cannot be read is lost, not the others."""
@@ -411,7 +321,6 @@ class ViconSession:
             try:
                 identifier, segment = root_of(data, self._roots)
             except ValueError as error:
-                self._rejected += 1
                 self._feed.reject(str(error))
                 continue
             if segment is not None:

@@ -379,36 +379,12 @@ app.command()(doctor_cli.logs)
 
 
 @app.command()
-def rules(
-    lab: Annotated[Path | None, typer.Argument(metavar="[LAB.toml]", help="Whose limits are played.")] = None,
-    played_in: Annotated[
-        str | None, typer.Option("--play", metavar="PHASE", help="Play every fault in that phase, as FORMATION.")
-    ] = None,
-    leader: Annotated[bool, typer.Option("--leader", help="With --play: the leader's faults.")] = False,
-    page_file: Annotated[
-        Path | None, typer.Option("--page", metavar="FILE.html", help="Write a page to play with, phase by phase.")
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Print phases, safety rules and the pose validator's checks as Markdown tables; or play faults against them."""
-    from formation.config import LimitsConfig
+def rules(as_json: Json = False) -> None:
+    """Print phases, safety rules and the pose validator's checks as Markdown tables."""
     from formation.safety.phases import table_markdown
     from formation.safety.rules_table import rules_markdown
-    from gcs import played
     from mocap.validator import checks_markdown
 
-    limits = LimitsConfig() if lab is None else configuration(lab).limits
-    if page_file is not None:
-        page_file.write_text(played.html(limits), encoding="utf-8")
-        print(page_file)
-    elif played_in is not None:
-        phases = {phase.name: phase for phase in played.PHASES}
-        if played_in not in phases:
-            raise typer.BadParameter(f"{played_in!r}: one of {', '.join(phases)}", param_hint="--play")
-        phase, who = phases[played_in], 0 if leader else 1
-        acts = played.acts(phase, who, limits)
-        print(json.dumps(acts) if as_json else "\n".join(played.lines(acts)))
-    else:
-        tables = {"phases": table_markdown(), "rules": rules_markdown(), "validator": checks_markdown()}
-        texts = json.dumps({name: rows(table) for name, table in tables.items()}), "\n\n".join(tables.values())
-        print(texts[0] if as_json else texts[1])
+    tables = {"phases": table_markdown(), "rules": rules_markdown(), "validator": checks_markdown()}
+    texts = json.dumps({name: rows(table) for name, table in tables.items()}), "\n\n".join(tables.values())
+    print(texts[0] if as_json else texts[1])

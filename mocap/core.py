@@ -65,14 +65,18 @@ class MocapCore:
         self._note_turn(raw)
         stamp_ns = raw.t_capture_ns if is_stamped else now_ns - self._delay_ns
         t_capture_ns = self._retiming.capture_ns(raw.seq, stamp_ns, is_stamped)
+        if t_capture_ns is None:
+            self._reject_order("out of order", now_ns)
+            return None
+        if self._retiming.restarted:
+            text = f"frame numbers begin anew, {raw.seq} after {self._raw_seq}: the cameras were started again"
+            self._events.append(Event(Severity.WARNING, SOURCE, text))
         frame = self._alignment.align(raw, raw.seq, t_capture_ns, now_ns)
         is_known = is_stamped or self._retiming.scatter_ns is not None
         stamp_rejected = is_known and self._validator.rejects_stamp(t_capture_ns, now_ns)
         fault = None if stamp_rejected else self._order_fault(t_capture_ns)
-        if fault is not None and self._is_interleaved:  # which was said
-            self.reject_log.count += 1
-            return None
-        if self._is_rejected(fault, now_ns):
+        if fault is not None:
+            self._reject_order(fault, now_ns)
             return None
         self._note_no_poses(frame, now_ns)
         if stamp_rejected:
@@ -119,6 +123,12 @@ class MocapCore:
         if fault is not None:
             self.reject_log.note(SOURCE, f"frame {fault}", now_ns)
         return fault is not None
+
+    def _reject_order(self, fault: str, now_ns: int) -> None:
+        if self._is_interleaved:  # which was said
+            self.reject_log.count += 1
+        else:
+            self.reject_log.note(SOURCE, f"frame {fault}", now_ns)
 
     def _order_fault(self, t_capture_ns: int) -> str | None:
         if self._newest_ns is None or t_capture_ns > self._newest_ns:

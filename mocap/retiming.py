@@ -23,8 +23,39 @@ SLOPE_FRAMES, SLOPE_SHARE = 100, 0.05
 """Over so many frames the line's own slope counts, within this share of the first period."""
 LAGGING, LAG_SHARE = 3, 0.9
 """So many frames after a gap that lag by this share of a period and do not catch up show that frames were lost."""
-LONGEST_GAP = 1000
-"""A larger step of the numbers is a new count."""
+LONGEST_GAP, LATE = 1000, 16
+"""Frames: a larger step of the numbers, or so many back, is of another count; fewer back, of a frame overtaken."""
+GOES_ON = 3
+"""So many frames of another count in a row show that it goes on; fewer are strays of another publisher."""
+
+
+@dataclass(slots=True)
+class FrameOrder:
+    """Which frames are new, by their numbers. lost: those of this count that never came in their turn.
+
+    Frames that were overtaken, repeated, or are strays of another count change nothing. Another count that goes on,
+    without one of ours between, takes its place: the cameras were started again.
+    """
+
+    newest: int | None = None
+    lost: int = 0
+    _stray: int = 0
+    _in_a_row: int = 0
+
+    def receive(self, number: int) -> int | None:
+        """How far the number is above the newest; 0 where it begins anew, None for a frame that is out of order."""
+        step = 1 if self.newest is None else number - self.newest
+        if self.newest is not None and not 0 < step <= LONGEST_GAP:
+            if -LATE <= step <= 0:
+                return None
+            goes_on = self._in_a_row > 0 and 0 < number - self._stray <= LONGEST_GAP
+            self._stray, self._in_a_row = number, self._in_a_row + 1 if goes_on else 1
+            if self._in_a_row < GOES_ON:
+                return None
+            step = 0
+        self.newest, self._in_a_row = number, 0
+        self.lost += max(step - 1, 0)
+        return step
 
 
 @dataclass(slots=True)
@@ -117,13 +148,14 @@ class Retiming:
     """Capture times of one source: its stamps where they are exposures; re-timed where they are arrival times.
 
     is_numbered: whether the source itself numbers its frames; else each is the next. A new count of frames starts over:
-    another publisher may stamp otherwise.
+    another publisher may stamp otherwise. restarted: whether the newest frame began one.
     """
 
     is_numbered: bool = True
+    restarted: bool = False
+    _order: FrameOrder = field(default_factory=FrameOrder)
     _line: ExposureLine | None = None
-    _seq: int = 0
-    _stamp_ns: int = 0
+    _stamp_ns: int | None = None
     _spacings_ns: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
     _steps: deque[int] = field(default_factory=lambda: deque(maxlen=WINDOW))
     _count: int = 0
@@ -133,16 +165,22 @@ class Retiming:
         """The residual scatter of re-timed captures; None where stamps are exposures."""
         return None if self._line is None else self._line.scatter_ns
 
-    def capture_ns(self, seq: int, stamp_ns: int, is_stamped: bool) -> int:
-        """The exposure of frame `seq`, never later than stamp_ns: its stamp, or its arrival less the latency."""
-        steps, spacing_ns = (self.is_numbered and seq - self._seq) or 1, stamp_ns - self._stamp_ns
-        self._seq, self._stamp_ns = seq, stamp_ns
-        if not 0 < steps <= LONGEST_GAP:
+    def capture_ns(self, seq: int, stamp_ns: int, is_stamped: bool) -> int | None:
+        """The exposure of frame `seq`, never later than stamp_ns: its stamp, or its arrival less the latency.
+
+        None for a frame that is out of order.
+        """
+        steps = self._order.receive(seq) if self.is_numbered else 1
+        if steps is None:
+            return None
+        before_ns, self._stamp_ns = self._stamp_ns, stamp_ns
+        self.restarted = steps == 0
+        if before_ns is None or steps == 0:
             self._line, self._count = None, 0
             self._spacings_ns.clear()
             self._steps.clear()
         elif self._line is None:
-            self._spacings_ns.append(spacing_ns)
+            self._spacings_ns.append(stamp_ns - before_ns)
             self._steps.append(steps)
             self._count += 1
             if self._count >= WINDOW and self._count % JUDGED == 0:

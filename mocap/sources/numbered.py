@@ -4,7 +4,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from formation.messages import Severity
-from mocap.retiming import LONGEST_GAP
+from mocap.retiming import LATE, LONGEST_GAP
 from mocap.sources.source import Feed, SourceStatus, seconds
 
 REMEMBERED = 64
@@ -16,32 +16,26 @@ class FrameCount:
 
     lost: int = 0
     _number: int | None = None
-    _seq: int = -1
+    _seq: int = 0
     _steps: deque[int] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
 
     def receive(self, number: int) -> int | None:
-        """Our number of the frame with the server's `number`, with gaps for lost frames; None for a repeated frame."""
-        last, self._number = self._number, number
-        if last is None:
-            self._seq += 1
-        elif number == last:
-            return None
-        else:
-            self._seq += self._frames(number - last)
-        return self._seq
+        """Our number of the frame with the server's `number`, with gaps for lost frames; None for a repeated frame.
 
-    def _frames(self, step: int) -> int:
-        """How many frames a step is: the usual step is the least of the last ones."""
-        if step <= 0:
-            self._steps.clear()
-            return 1
-        self._steps.append(step)
-        frames = round(step / min(self._steps))
-        if frames > LONGEST_GAP:
-            self._steps.clear()
-            return 1
-        self.lost += frames - 1
-        return frames
+        A number that goes back, or leaps, stays one: what it means is judged for all sources alike (FrameOrder).
+        """
+        step = 0 if self._number is None else number - self._number
+        if self._number is not None and step == 0:
+            return None
+        if step > 0:
+            self._steps.append(step)
+        usual = min(self._steps, default=1)  # the least of the last ones
+        frames = round(step / usual)
+        if step < 0 and -frames <= LATE:
+            return self._seq + min(frames, -1)
+        self._number, self._seq = number, self._seq + frames
+        self.lost += frames - 1 if 0 < frames <= LONGEST_GAP else 0
+        return self._seq
 
 
 class BodyList:

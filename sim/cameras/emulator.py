@@ -48,7 +48,8 @@ class EmulatorConfig(Model):
     jitter_s, noise_m and noise_rad are standard deviations (of the exposure's time; per axis), delay_jitter_s the mean
     of what comes on top of delay_s. burst: so many frames are sent at once, when the last of them was exposed.
     stall_s: the network holds frames back for up to so long and then sends them together, every stall_every_s in the
-    mean. arrival_stamps: frames are stamped as they arrive, not as they are exposed.
+    mean. arrival_stamps: frames are stamped as they arrive, not as they are exposed. reordered_share: of the frames,
+    those that the next one overtakes.
     """
 
     rate_hz: Positive = 100.0
@@ -64,6 +65,7 @@ class EmulatorConfig(Model):
     stall_s: NotNegative = 0.0
     stall_every_s: Positive = 1.0
     arrival_stamps: bool = False
+    reordered_share: Share = 0.0
 
 
 class MocapEmulator:
@@ -100,6 +102,8 @@ class MocapEmulator:
         )
         """On which its frames are under way: `pop_due` has the next at `next_due_ns`."""
         self._unsent: list[RawFrame] = []
+        self._overtaken: list[RawFrame] = []
+        self._orders = np.random.default_rng([seed, 4])
         self._stamped_ns = 0
         self._stalls = np.random.default_rng([seed, 3])
         self._stall_ns = self._next_stall_after(t0_ns)
@@ -176,7 +180,12 @@ class MocapEmulator:
         self._unsent.append(frame)
         if len(self._unsent) >= self._config.burst and not self._is_stalled(t_ns):
             for each in self._unsent:
-                self.cable.push(t_ns, each)
+                if not self._overtaken and self._orders.random() < self._config.reordered_share:
+                    self._overtaken = [each]
+                    continue
+                for sent in (each, *self._overtaken):
+                    self.cable.push(t_ns, sent)
+                self._overtaken = []
             self._unsent = []
 
     def _measure_poses(self, t_ns: int, truth: Float, carried: Bool, seen: Bool, noise: Float) -> None:

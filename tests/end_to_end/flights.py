@@ -21,6 +21,7 @@ script = [
 [mocap]
 rate_hz = {rate_hz}
 gaps = {gaps}
+{network}
 
 [lab]
 name = "lab"
@@ -52,14 +53,30 @@ CIRCLE = 'kind = "circle", radius_m = 0.5, period_s = 5.0, duration_s = 60.0'
 
 PLAIN, UPSIDE_DOWN = "[1.0, 0.0, 0.0, 0.0]", "[0.0, 0.6, 0.8, 0.0]"
 
+REORDERED = "arrival_stamps = true\nstall_s = 0.15\nstall_every_s = 0.8\nreordered_share = 0.02"
+"""Frames stamped on arrival, of which a network delays some and turns the order of others round."""
+
 
 def write_scenario(
-    folder: Path, trajectory: str, cameras: str = "", q_marker_from_flu: str = PLAIN, gaps: str = "[]"
+    folder: Path,
+    trajectory: str,
+    cameras: str = "",
+    q_marker_from_flu: str = PLAIN,
+    gaps: str = "[]",
+    network: str = "",
 ) -> Path:
-    """cameras: further lines of the lab's [mocap]; q_marker_from_flu: of the leader; gaps: of the emulated mocap."""
+    """cameras: further lines of the lab's [mocap]; q_marker_from_flu: of the leader; gaps: of the emulated mocap.
+
+    network: further lines of the emulated mocap.
+    """
     path = folder / "short_triangle.toml"
     text = TRIANGLE.format(
-        trajectory=trajectory, rate_hz=RATE_HZ, cameras=cameras, q_marker_from_flu=q_marker_from_flu, gaps=gaps
+        trajectory=trajectory,
+        rate_hz=RATE_HZ,
+        cameras=cameras,
+        q_marker_from_flu=q_marker_from_flu,
+        gaps=gaps,
+        network=network,
     )
     path.write_text(text)
     return path
@@ -96,6 +113,14 @@ def read_until(process: subprocess.Popen[str], word: str) -> str:
         if word in line:
             return said
     raise AssertionError(f"ended without {word!r}:\n{said}")
+
+
+def check_order(out: Path) -> None:
+    """Frames that were overtaken are dropped and counted, and the others' exposures stay computed."""
+    said = (out / "mocap.log").read_text()
+    assert "frame out of order" in said
+    assert said.count("stamps are arrival times: frames are re-timed") == 1
+    assert "begin anew" not in said
 
 
 def processes_of(folder: Path) -> dict[int, list[str]]:

@@ -18,7 +18,7 @@ from sim.ports import private_link
 from sim.processes import ProcessGroup
 from sim.scenario import Scenario, load
 from sim.script import Operator
-from tests.end_to_end.flights import CIRCLE, SPEED, write_scenario
+from tests.end_to_end.flights import CIRCLE, REORDERED, SPEED, check_order, write_scenario
 from tests.wire.flight import check_log
 from wire.clock import Clock
 from wire.logs.mcap_read import read_log
@@ -98,12 +98,13 @@ def tilt_rad(truth: Truth) -> float:
 
 
 def test_every_drone_stops_and_lands_by_itself_and_the_log_is_whole_to_the_last_moment(tmp_path: Path) -> None:
-    scenario = load(str(write_scenario(tmp_path, CIRCLE)))
+    scenario = load(str(write_scenario(tmp_path, CIRCLE, network=REORDERED)))
     files = Files(tmp_path)
     with private_link("zenoh", SYSIDS) as own_link:
         lab = scenario.lab.model_copy(update={"link": own_link})
         watched, killed_ns = asyncio.run(fly_and_kill(scenario.model_copy(update={"lab": lab}), files))
 
+    check_order(tmp_path)
     entries = list(read_log(files.mcap).entries)
     assert not check_log(files.mcap).complete
     # 50 ms on a machine with a core to spare; the bound leaves room for a busy one.

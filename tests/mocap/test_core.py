@@ -91,13 +91,36 @@ def test_a_source_without_stamps_is_taken_at_its_delay():
     assert frame.t_capture_ns == at(0) - 8 * MS
 
 
-def test_numbers_go_on_over_a_restart_and_forged_ones_and_gaps_stay():
+def test_numbers_go_on_over_a_restart_which_is_an_event_and_gaps_stay():
     core, seqs = a_core(), []
-    for k, seq in enumerate((5, 6, 9, 0, 1, 2**62, 2, 3)):
+    for k, seq in enumerate((505, 506, 509, 0, 1, 2, 3, 2**62, 4)):
         frame = core.receive(raw(k, seq=seq), at(k))
-        assert frame is not None
-        seqs.append(frame.seq)
-    assert seqs == [0, 1, 4, 5, 6, 7, 8, 9]
+        seqs.append(frame and frame.seq)
+    assert seqs == [0, 1, 4, None, None, 5, 6, None, 7]
+    (event,) = core.events(at(9))
+    assert event.text == "frame numbers begin anew, 2 after 509: the cameras were started again"
+    assert core.reject_log.count == 3
+
+
+OUT_OF_ORDER = {"overtaken": -4, "twice": -1, "another publisher's": 50_000, "forged": 2**62, "begun anew": -290}
+
+
+@pytest.mark.parametrize("step", OUT_OF_ORDER.values(), ids=OUT_OF_ORDER)
+def test_a_frame_out_of_order_is_dropped_and_counted_and_the_exposure_line_stays(step: int):
+    """Two hundred frames without stamps would else be taken at their arrivals again, jitter and all."""
+    core, rng, off_ns, texts = a_core(), np.random.default_rng(1), [], []
+    for k in range(600):
+        arrived_ns = at(k) + round(MS * rng.exponential())
+        frame = core.receive(raw(k, t_capture_ns=0), arrived_ns)
+        if k in (300, 301, 450):
+            assert core.receive(raw(k, seq=k + step, t_capture_ns=0), arrived_ns + MS // 2) is None
+        if frame is not None and k > 250:
+            off_ns.append(frame.t_capture_ns - T0_NS - 10 * MS * k)
+        texts += [event.text for event in (*core.events(at(k)), *core.reject_log.due(at(k + 200)))]
+    assert max(map(abs, off_ns)) < MS
+    assert core.reject_log.count == 3
+    assert sum(int(text.split()[1]) for text in texts if text.endswith("frame out of order")) == 3
+    assert not any("begin anew" in text for text in texts)
 
 
 def test_bodies_of_others_are_named_up_to_a_bound():

@@ -58,6 +58,7 @@ def errors_s(stream: Stream, seed: int, is_stamped: bool = True) -> tuple[Float,
     for k in range(len(exposed)):
         stamp_ns = 10**12 + round(stamps[k] * S)
         capture_ns = retiming.capture_ns(int(number[k]), stamp_ns, is_stamped)
+        assert capture_ns is not None
         assert capture_ns <= stamp_ns
         out[k] = (capture_ns - 10**12) / S - exposed[k] - LATENCY_S
     return exposed, out, retiming
@@ -110,7 +111,9 @@ def test_a_source_that_numbers_by_its_stamps_is_counted_frame_by_frame() -> None
     retiming, off_s = Retiming(is_numbered=False), []
     for k in range(len(exposed)):
         seq = round(arrived[k] * 100.0)
-        off_s.append(retiming.capture_ns(seq, round(arrived[k] * S), True) / S - exposed[k] - LATENCY_S)
+        capture_ns = retiming.capture_ns(seq, round(arrived[k] * S), True)
+        assert capture_ns is not None
+        off_s.append(capture_ns / S - exposed[k] - LATENCY_S)
     assert np.abs(np.array(off_s)[exposed > 8.0]).max() < 0.003
 
 

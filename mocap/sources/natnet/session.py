@@ -10,12 +10,13 @@ import contextlib
 import socket
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from formation.config import LabConfig
 from formation.messages import Severity
 from formation.mocap_config import NatNetConfig
 from mocap.capture_time import CaptureTime
+from mocap.retiming import FrameOrder
 from mocap.sources.natnet import packets
 from mocap.sources.natnet.packets import (
     EDITED,
@@ -33,35 +34,6 @@ from mocap.sources.natnet.packets import (
 )
 from mocap.sources.poses import from_quaternions
 from mocap.sources.source import Feed, SourceStatus, seconds
-
-LATE = 16
-"""A number so little behind belongs to a frame that another overtook; farther behind, numbering began anew."""
-LONGEST_GAP = 10_000
-
-
-@dataclass(slots=True)
-class FrameNumbers:
-    """Which frames are new. lost: those that never came.
-
-    skipped: whether some are missing before the newest; restarted: whether the newest begins another count.
-    """
-
-    lost: int = 0
-    skipped: bool = False
-    restarted: bool = False
-    _newest: int | None = None
-
-    def receive(self, number: int) -> bool:
-        """Whether the frame is new: neither repeated nor overtaken by a later one."""
-        step = 1 if self._newest is None else number - self._newest
-        if -LATE <= step <= 0:
-            return False
-        self.restarted = not 0 < step <= LONGEST_GAP
-        self.skipped = step > 1 and not self.restarted
-        self.lost += step - 1 if self.skipped else 0
-        self._newest = number
-        return True
-
 
 WHO = "mavlink-formation"
 CONNECT_NS, MODELS_NS, ALIVE_NS = 500_000_000, 200_000_000, 1_000_000_000
@@ -98,7 +70,7 @@ class NatNetSession:
         self._shared: dict[int, list[str]] = {}
         """Streaming ids that several bodies have."""
         self._order: tuple[bytes, tuple[str, ...], list[int]] = (b"", (), [])
-        self._numbers = FrameNumbers()
+        self._numbers = FrameOrder()
         self._capture = CaptureTime(latency_ns)
         self._echoes: deque[int] = deque(maxlen=ECHOES)
         self._status = SourceStatus(server=f"{config.host}:{config.command_port}")
@@ -274,12 +246,14 @@ class NatNetSession:
             self._unread_ns = now_ns
             raise
         self._note_frame(sender, now_ns)
-        if not self._numbers.receive(frame.number):
+        step = self._numbers.receive(frame.number)
+        if step is None:
+            self._feed.reject("a frame out of order")
             return
-        if self._numbers.restarted:  # another server, or the same one started again: its ids may mean others
+        if step == 0:  # another server, or the same one started again: its ids may mean others
             self._names = None
         changed = frame.params & (MODELS_CHANGED | VERSION_CHANGED)
-        if changed or self._numbers.skipped or self._numbers.restarted:  # what was skipped may have said so
+        if changed or step != 1:  # what was skipped may have said so
             self._stale_ns = now_ns
         self._report("mode", Severity.WARNING, "plays a recording (Edit mode)" if frame.params & EDITED else "")
         if self._names is not None:

@@ -113,6 +113,15 @@ def test_stamps_rise_and_frames_never_overtake_each_other(rate: float, jitter: f
     assert [frame.seq for _, frame in arrived] == sorted(frame.seq for _, frame in arrived)
 
 
+def test_frames_that_are_overtaken_come_just_behind_the_next_and_none_is_lost() -> None:
+    arrived = film(MocapEmulator(QUIET.model_copy(update={"reordered_share": 0.1}), a_lab(), None, 1, 0), 20.0)
+    numbers = np.array([frame.seq for _, frame in arrived])
+    assert set(numbers) == set(range(len(numbers)))
+    back = np.diff(numbers)[np.diff(numbers) < 0]
+    assert set(back) == {-1}
+    assert 0.05 < len(back) / len(numbers) < 0.15
+
+
 def test_a_stalled_network_sends_what_it_held_at_once_and_stamps_it_then() -> None:
     """No frame is lost; those held come within 2 ms after up to 0.3 s, stamped in their order as they arrive."""
     config = QUIET.model_copy(update={"stall_s": 0.3, "stall_every_s": 0.5, "arrival_stamps": True})

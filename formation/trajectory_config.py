@@ -63,7 +63,7 @@ class TrajectoryConfig(Model):
     laps: rounds of a circle, an eight or Lissajous's figure, a line's ways there and back, how often all waypoints are
     flown; not given: a circle as many rounds as fit duration_s, a line there only, everything else once. duration_s: of
     a hold, of a line's every way. width_m: of a figure of eight, half its length if not given. amplitude_m, cycles,
-    phase_rad: of Lissajous's figure, along x, y, z. file: lines t, x, y, z, yaw, a Crazyswarm polynomial or a
+    phase_rad: of Lissajous's figure, along x, y, z. file: CSV of t, x, y, z, yaw, a Crazyswarm polynomial or a
     Skybrush show. name, options: of the lab's own, and what it is given. points: what either came to, as it is flown
     and logged; relative: moved so that they begin where the leader is.
     """

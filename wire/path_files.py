@@ -1,15 +1,14 @@
-"""Files of a leader's way: lines of t, x, y, z, yaw; Crazyswarm's polynomials; a Skybrush show.
+"""Files of a leader's way: CSV of t, x, y, z, yaw; Crazyswarm's polynomials; a Skybrush show.
 
 Its content says which of them a file is. Each becomes points through which a spline is flown, from rest to rest
 (formation.guidance.spline). A message shows nothing of a file's content: it may be any.
 """
 
-import csv
 import json
 import posixpath
 import zipfile
 import zlib
-from io import BytesIO, StringIO
+from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,8 @@ import numpy as np
 
 from formation.maths.arrays import Float
 from formation.trajectory_config import POINTS_MOST
-from wire.files import MOST, read_bytes, text_of
+from wire.csv_table import ANGLE, LARGEST, LENGTH, TIME, CsvError, Table
+from wire.files import MOST, read_bytes
 
 COLUMNS = ("t", "x", "y", "z", "yaw")
 POLYNOMIAL = ("duration", *(f"{axis}^{power}" for axis in COLUMNS[1:] for power in range(8)))
@@ -33,38 +33,33 @@ def read_points(path: Path) -> Points:
     """Rows of t (s, from 0), x, y, z (m), yaw (rad); ValueError names file and line."""
     try:
         data = read_bytes(path)
-        if data.startswith(ZIPPED):
-            points = _show(data)
-        else:
-            reader = csv.reader(StringIO(text_of(data), newline=""))
-            lines = [(f"line {number}", line) for number, line in enumerate(reader, 1) if "".join(line).strip()]
-            points = _rows(lines)
+        points = _show(data) if data.startswith(ZIPPED) else _rows(Table.read(path, MOST))
         if len(points) > POINTS_MOST:
             raise ValueError(f"{len(points)} points, {POINTS_MOST} at most")
     except OSError as error:
         raise ValueError(f"{path}: {error.strerror}") from error
-    except (ValueError, csv.Error, zipfile.BadZipFile) as error:
+    except CsvError:
+        raise
+    except (ValueError, zipfile.BadZipFile) as error:
         raise ValueError(f"{path}: {error}") from error
     return points
 
 
-def _rows(lines: list[tuple[str, list[str]]]) -> Points:
-    named = tuple(word.strip().lower() for word in lines[0][1] if word.strip()) if lines else ()
-    if named == POLYNOMIAL:
-        return _polynomials([_numbers(where, line[: len(POLYNOMIAL)], POLYNOMIAL) for where, line in lines[1:]])
-    return [_numbers(where, line, COLUMNS) for where, line in lines[named == COLUMNS :]]
+def _rows(table: Table) -> Points:
+    head = [word.lower() for word in table.fields(0)] if table.lines else []
+    if tuple(head[: len(POLYNOMIAL)]) == POLYNOMIAL:
+        return _polynomials([_piece(table, at) for at in range(1, len(table.lines)) if table.fields(at)])
+    layout = table.layout(COLUMNS, COLUMNS, optional=("yaw",))
+    keys = [key for key in COLUMNS[1:] if key in layout.columns]
+    rows = table.rows(layout, keys, {TIME: 1e9, LENGTH: 1.0, ANGLE: 1.0})
+    return [[stamp_ns * 1e-9, *values, *[0.0] * (4 - len(keys))] for _, stamp_ns, values in rows]
 
 
-def _numbers(where: str, line: list[str], columns: tuple[str, ...]) -> list[float]:
-    if len(line) != len(columns):
-        raise ValueError(f"{where}: {len(line)} columns, {', '.join(columns)} are wanted")
-    row = []
-    for column, word in zip(columns, line, strict=True):
-        try:
-            row.append(float(word))
-        except ValueError:
-            raise ValueError(f"{where}: {column} is no number") from None
-    return row
+def _piece(table: Table, at: int) -> list[float]:
+    fields = table.fields(at)
+    if len(fields) < len(POLYNOMIAL):
+        raise table.error(at, f"{len(fields)} columns, {', '.join(POLYNOMIAL)} are wanted")
+    return [table.number(at, word, key) for key, word in zip(POLYNOMIAL, fields, strict=False)]
 
 
 def _polynomials(pieces: Points) -> Points:
@@ -91,7 +86,18 @@ def _show(data: bytes) -> Points:
                 trajectory = _json(show, posixpath.normpath(trajectory["$ref"].split("#")[0]))
         keys = [(float(t_s), np.array([end, *controls], float)) for t_s, end, controls in trajectory["points"]]
         _require_short(keys[-1][0] - keys[0][0])
-    except (KeyError, IndexError, TypeError, AttributeError, RuntimeError, EOFError, zlib.error) as error:
+        if not all((np.abs(key) < LARGEST).all() for _, key in keys):
+            raise ValueError("a point is not finite")
+    except (
+        KeyError,
+        IndexError,
+        TypeError,
+        AttributeError,
+        RuntimeError,
+        EOFError,
+        OverflowError,
+        zlib.error,
+    ) as error:
         raise ValueError("no show of Skybrush: swarm.drones[0].settings.trajectory.points is wanted") from error
     return _aloft(_curves(keys))
 

@@ -128,7 +128,7 @@ def read(path: Path) -> Recording:
 def _cell(path: Path, line: int, row: Mapping[str, str], name: str, shape: tuple[int, ...]) -> Float:
     try:
         value = np.array(json.loads(row[name]), dtype=np.float64)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise RecordingError(f"{path}:{line} {name}: not a number or a list of numbers") from error
     if value.shape != shape or not np.isfinite(value).all():
         raise RecordingError(f"{path}:{line} {name}: not {shape[0] if shape else 1} finite number(s)")

@@ -51,6 +51,13 @@ EQUALS = {
     + "\n".join(f"{t} 0.1 0.2 0.3 -0.5 0.5 0.5 0.5" for t in (1.70, 1.72)),
     "another order": "qw,qx,qy,qz,z [mm],y,x,time_ms\n0.5,-0.5,0.5,0.5,300,200,100,0\n0.5,-0.5,0.5,0.5,300,200,100,20",
     "decimal commas": f"{EUROC}\n0,{POSE}\n20000000,{POSE}".replace(",", ";").replace(".", ","),
+    "decimal commas in quotes": f"{EUROC}\n0,{POSE}\n20000000,{POSE}".replace(",", '","')
+    .replace("\n", '"\n"')
+    .replace(".", ",")
+    .join('""'),
+    "decimal commas and blanks": f"t tx ty tz qw qx qy qz\n0.0,{POSE}\n0.02,{POSE}".replace(",", " ").replace(".", ","),
+    "whole seconds among others": f"time,x,y,z,qw,qx,qy,qz\n3,{POSE}\n3.02,{POSE}",
+    "no time worth a number": f"t [s],x,y,z,qw,qx,qy,qz\n0e-99999999999999999999,{POSE}\n0.02,{POSE}",
     "motive": MOTIVE,
     "vicon": VICON,
 }
@@ -71,20 +78,30 @@ def test_the_labs_unit_counts_only_where_the_file_names_none(tmp_path):
 
 FAULTS = {
     "too many fields": (HEADER + GOOD + LATER.strip() + ",1\n", ":3: 9 columns under a header of 8"),
-    "not a number": (HEADER + GOOD + LATER.replace("0.42", "here"), ':3: column 3 (p_RS_R_y [m]) = "here": not a num'),
-    "nan": (HEADER + GOOD + LATER.replace("0.42", "nan"), ":3: column 3 (p_RS_R_y [m]) = nan: a value is not finite"),
-    "a part of a pose": (HEADER + GOOD + LATER.replace("0.42", ""), ":3: column 3 (p_RS_R_y [m]) is empty"),
+    "not a number": (HEADER + GOOD + LATER.replace("0.42", "here"), ":3: column 3 (y, m) is not a number"),
+    "nan": (HEADER + GOOD + LATER.replace("0.42", "nan"), ":3: column 3 (y, m) = nan: a value is not finite"),
+    "a part of a pose": (HEADER + GOOD + LATER.replace("0.42", ""), ":3: column 3 (y, m) is empty"),
+    "a size that no number has": (
+        f"t,x,y,z,qw,qx,qy,qz\n0,{POSE}\n1e999,{POSE}",
+        ":3: column 1 (t, taken as ns) = 1e999",
+    ),
+    "a stamp of another unit": (
+        f"timestamp,x,y,z,qw,qx,qy,qz\n1.7e18,{POSE}",
+        ":2: column 1 (t, taken as s) = 1.7e18 is no time; name the unit in the header",
+    ),
+    "an open quote": (f'{EUROC}\n0,"{POSE}', ":2: a quote that is left open"),
+    "no frames a second": (VICON.replace("100\n", "0\n", 1), ":2: frames a second: 1 or more"),
     "time going back": (HEADER + LATER + GOOD, ":3: time goes back, from 1413394881404401408 to 1413394881394290944"),
     "time standing": (HEADER + GOOD + GOOD.replace("1.44", "1.45"), ":3: the stamp of the row before"),
     "no rotation": (HEADER + "1,0,0,0,0,0,0,0\n", ":2: the quaternion's length is 0.000, not 1"),
-    "empty": ("", ": no poses in this file"),
+    "empty": ("", ": no line of numbers in this file"),
     "unknown header": (
         f"t,x,y,z,q0,q1,q2,q3\n0,{POSE}",
-        ":1: the header names no qw, qx, qy, qz; it has t, x, y, z, q0",
+        ":1: the header names no qw, qx, qy, qz; known are timestamp, time or t [s, ms, us, ns]; x, tx",
     ),
     "a name twice": (f"t,x,y,z,qw,qx,qy,qz,tx\n0,{POSE},1", ':1: columns "x" and "tx" both give x'),
     "two units": (f"t,x [mm],y [m],z,qw,qx,qy,qz\n0,{POSE}", ":1: units m, mm"),
-    "unknown unit": (f"t,x [ft],y,z,qw,qx,qy,qz\n0,{POSE}", ":1: units ft: one of mm, cm, m"),
+    "unknown unit": (f"t,x [ft],y,z,qw,qx,qy,qz\n0,{POSE}", ":1: units ft: one of mm, millimeters, cm, centimeters, m"),
     "stamps in another unit": (f"{EUROC}\n0,{POSE}\n20,{POSE}", ":2: stamps 2e-08 s apart"),
     "motive in angles": (MOTIVE.replace("Quaternion", "XYZ"), ":1: exported by Motive with Euler angles"),
     "motive, another body": (

@@ -43,10 +43,11 @@ def test_a_way_in_a_file_beside_the_lab_file_becomes_part_of_the_configuration(t
     ("text", "told"),
     [
         (None, "No such file"),
-        ("0,0,0,0.5,0\n1,0,0,x,0\n", "line 2: z is no number"),
-        ("0,0,0,0.5,0\n1,0,0,0.5\n", "line 2: 4 columns, t, x, y, z, yaw are wanted"),
-        ("0,0,0,0.5,0\n1,0,0,inf,0\n", "leader.trajectory.points[1][3]"),
-        ("", "0 points"),
+        ("0,0,0,0.5,0\n1,0,0,x,0\n", "way.csv:2: column 4 (z, taken as m) is not a number"),
+        ("0,0,0,0.5,0\n1,0,0,0.5\n", "way.csv:2: 4 columns under a header of 5"),
+        ("0,0,0,0.5,0\n1,0,0,inf,0\n", "way.csv:2: column 4 (z, taken as m) = inf: a value is not finite"),
+        ("", "no line of numbers"),
+        ("0,0,0,0.5,0\n1,0,0,0.5,0\n1,0,0,0.6,0\n", "way.csv:3: the stamp of the row before"),
     ],
 )
 def test_a_file_that_is_no_way_is_named_with_its_line(tmp_path: Path, text: str | None, told: str) -> None:

@@ -80,6 +80,9 @@ def test_a_show_of_skybrush_is_flown_between_take_off_and_landing(tmp_path: Path
         ([[0.0, [0.0, 0.0, 1.0], []], [0.0, [1.0, 0.0, 1.0], []]], "times must rise"),
         ([[0.0, [0.0, 0.0, 1.0], []], [9e9, [1.0, 0.0, 1.0], []]], "at most"),
         ([["a", [0.0, 0.0, 1.0], []]], "show.skyc: "),
+        ([[0.0, [0.0, 0.0, 10**400], []], [1.0, [1.0, 0.0, 1.0], []]], "show.skyc: "),
+        ([[10**400, [0.0, 0.0, 1.0], []], [1.0, [1.0, 0.0, 1.0], []]], "show.skyc: "),
+        ([[0.0, [0.0, 0.0, 1e300], []], [1.0, [1.0, 0.0, 1.0], []]], "a point is not finite"),
         ([[0.0, [0.0], []], [1.0, [1.0, 0.0, 1.0], []]], "show.skyc: "),
     ],
 )
@@ -88,6 +91,33 @@ def test_a_show_that_is_none_is_named(tmp_path: Path, points: list[object], told
         read_points(show(tmp_path / "show.skyc", points))
 
 
+WAY = [(0.0, 0.0, 0.1, 1.0, 0.5), (2.0, 0.4, 0.2, 1.5, -0.5)]
+EQUALS = {
+    "bare": ("", ",", (1, 1, 1, 1, 1)),
+    "spreadsheet": ("time,x,y,z,yaw", ",", (1, 1, 1, 1, 1)),
+    "units": ("t [s],x [m],y [m],z [m],yaw [rad]", ",", (1, 1, 1, 1, 1)),
+    "a comment": ("# t,x,y,z,yaw", ",", (1, 1, 1, 1, 1)),
+    "milliseconds, millimetres, degrees": ("Time [msec],x [mm],y,z,Yaw (°)", ",", (1e3, 1e3, 1e3, 1e3, np.degrees(1))),
+    "names with units": ("time_ms,x_cm,y_cm,z_cm,yaw_deg", "\t", (1e3, 1e2, 1e2, 1e2, np.degrees(1))),
+    "blanks": ("t x y z yaw", " ", (1, 1, 1, 1, 1)),
+    "decimal commas": ("t;x;y;z;heading", ";", (1, 1, 1, 1, 1)),
+}
+
+
+@pytest.mark.parametrize("name", EQUALS)
+def test_a_way_reads_the_same_from_every_program(tmp_path: Path, name: str) -> None:
+    head, mark, scales = EQUALS[name]
+    lines = [mark.join(f"{s * v:.6f}" for s, v in zip(scales, row, strict=True)) for row in WAY]
+    text = "\n".join([head.replace(",", mark), *lines] if head else lines)
+    (tmp_path / "way.csv").write_text(text.replace(".", ",") if mark == ";" else text)
+    np.testing.assert_allclose(read_points(tmp_path / "way.csv"), WAY, atol=1e-6)
+
+
+def test_a_way_may_have_another_order_further_columns_and_no_heading(tmp_path: Path) -> None:
+    (tmp_path / "way.csv").write_text("Red,z [m],Time [msec],x [m],y [m]\n255,1,0,0.1,0.2\n0,1.5,2000,0.3,0.2\n")
+    np.testing.assert_allclose(read_points(tmp_path / "way.csv"), [[0, 0.1, 0.2, 1, 0], [2, 0.3, 0.2, 1.5, 0]])
+
+
 def test_a_line_of_polynomials_that_is_cut_off_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"figure.csv: line 2: 9 columns, duration, x\^0"):
+    with pytest.raises(ValueError, match=r"figure.csv:2: 9 columns, duration, x\^0"):
         read_points(polynomials(tmp_path / "figure.csv", [[T_S, *step(1.0)[:7]]]))

@@ -3,17 +3,23 @@
 import sqlite3
 from collections.abc import Iterable, Iterator
 from dataclasses import astuple, dataclass, fields
+from datetime import UTC, datetime
 from pathlib import Path
 
 from analysis.load import load_checked
 from analysis.metrics import summarise
+from formation.clock_pair import SIMULATED
 from formation.messages import Severity
-from wire.logs.mcap_scan import LogError
+from wire.files import is_partial
+from wire.logs.mcap_read import clock_of
+from wire.logs.mcap_scan import LogError, NoFlightError
 
 
 @dataclass(frozen=True, slots=True)
 class CatalogueRow:
-    """One flight; what its log does not have is None. date: UTC, when it began, ISO 8601.
+    """One flight; what its log does not have is None. date: UTC, ISO 8601, when it began, or of a flight in simulated
+    time when its file was written; simulated: the date on its own clock. unfinished: being recorded, or its writer was
+    killed.
 
     faults: how many of its events were errors or worse. damage: of its log; the rest is what could be read.
     """
@@ -27,6 +33,8 @@ class CatalogueRow:
     formation_max_m: float | None = None
     faults: int | None = None
     damage: str = ""
+    simulated: str | None = None
+    unfinished: bool = False
 
 
 def catalogue(folder: Path) -> Iterator[CatalogueRow]:
@@ -39,26 +47,34 @@ def _row(path: Path) -> CatalogueRow:
     try:
         flight, checked = load_checked(path)
         summary = summarise(flight)
+    except NoFlightError:
+        return CatalogueRow(str(path), unfinished=is_partial(path))
     except (LogError, OSError) as error:
         return CatalogueRow(str(path), damage=str(error))
-    lab = flight.run.lab
+    lab, date = flight.run.lab, flight.run.metadata.get("date")
+    simulated = None if date is not None and clock_of(flight.run.metadata) != SIMULATED else date
+    if simulated == date:
+        date = f"{datetime.fromtimestamp(int(path.stat().st_mtime), UTC):%Y-%m-%dT%H:%M:%SZ}"
     return CatalogueRow(
         path=str(path),
-        date=flight.run.metadata.get("date"),
+        date=date,
+        simulated=simulated,
+        unfinished=is_partial(path),
         lab=flight.run.scenario or (None if lab is None else lab.name),
         duration_s=round(summary.duration_s, 2),
         outcome=str(summary.outcome),
         formation_rms_m=summary.formation_rms_m,
         formation_max_m=summary.formation_max_m,
         faults=sum(event.severity <= Severity.ERROR for event in flight.events.messages),
-        damage="" if checked.complete else checked.damage,
+        damage="" if checked.complete or is_partial(path) else checked.damage,
     )
 
 
 def over(rows: Iterable[CatalogueRow], most_bytes: float) -> Iterator[Path]:
-    """The oldest logs that have to go for the others to fill so much at most; what is damaged, or no log, stays."""
+    """The oldest logs that have to go for the others to fill so much at most; what is damaged, or not whole, stays."""
     dated = sorted(
-        ((row.date, Path(row.path)) for row in rows if row.date is not None and not row.damage), reverse=True
+        ((row.date, Path(row.path)) for row in rows if row.date is not None and not row.damage and not row.unfinished),
+        reverse=True,
     )
     filled = 0
     for _, path in dated:

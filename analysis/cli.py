@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wire.process.program import Program, print_json_error
+from wire.errors import ConfigError
+from wire.files import demand_absent, new_file, new_folder, write_edited
+from wire.process.program import Overwrite, Program, print_json_error
 
 if TYPE_CHECKING:
     from analysis.catalogue import CatalogueRow
     from analysis.identify.vehicle import Identification
 
-DAMAGED = NOT_LANDED = 1
+DAMAGED = NOT_LANDED = LAW_FAILED = 1
 UNUSABLE = 2
 
 app = typer.Typer(cls=Program, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
@@ -37,7 +39,7 @@ PngOut = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The 
 
 
 @app.command()
-def report(log: LogPath, out: Out = None, as_json: Json = False) -> None:
+def report(log: LogPath, out: Out = None, overwrite: Overwrite = False, as_json: Json = False) -> None:
     """Write one self-contained HTML page about a flight, and print its numbers. Exit code 1 where the flight was lost,
     cut or aborted, or its own law failed; the page is written all the same."""
     from rich.console import Console
@@ -47,11 +49,11 @@ def report(log: LogPath, out: Out = None, as_json: Json = False) -> None:
     from analysis.metrics import summarise
     from analysis.report import write
 
-    path = log.with_name("report.html") if out is None else out
     with _refusing():
         flight, checked = load_checked(log)
-        summary = summarise(flight, mcap=log, report=path)
-        write(flight, summary, path, checked.damage)
+        with new_file(out or log.with_name("report.html"), overwrite) as path:
+            summary = summarise(flight, mcap=log, report=path)
+            write(flight, summary, path, checked.damage)
     if as_json:
         typer.echo(summary.to_json())
     else:
@@ -116,11 +118,13 @@ def _bytes(size: str) -> float:
 
 def _catalogue_line(row: "CatalogueRow") -> str:
     damage = f"  damaged: {row.damage}" if row.damage else ""
+    damage = "  not whole: it is being recorded, or what recorded it was killed" if row.unfinished else damage
     if row.outcome is None:
-        return f"{row.path}{damage}"
+        return f"{row.path}{damage or '  no flight'}"
     error = "no formation" if row.formation_rms_m is None else f"{1e3 * row.formation_rms_m:6.2f} mm"
     faults = "" if not row.faults else f", {row.faults} fault{'s' if row.faults > 1 else ''}"
     date = (row.date or "").replace("T", " ")[:19]
+    damage = f"  simulated: {row.simulated.replace('T', ' ')[:19]}{damage}" if row.simulated else damage
     shown = f"{date:19}  {row.lab or '':16.16}  {row.duration_s:7.1f} s  {error:12}  {row.outcome}{faults}"
     return f"{shown}  {row.path}{damage}"
 
@@ -160,12 +164,11 @@ def audit(log: LogPath, as_json: Json = False) -> None:
 
 
 @app.command()
-def picture(log: LogPath, out: PngOut = None, as_json: Json = False) -> None:
+def picture(log: LogPath, out: PngOut = None, overwrite: Overwrite = False, as_json: Json = False) -> None:
     """Draw a flight on one sheet, as a PNG."""
     from analysis.picture import picture as draw_picture
 
-    path = log.with_suffix(".png") if out is None else out
-    with _refusing():
+    with _refusing(), new_file(out or log.with_suffix(".png"), overwrite) as path:
         draw_picture(log, path)
     typer.echo(json.dumps({"file": str(path)}) if as_json else path)
 
@@ -177,23 +180,26 @@ def compare(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="The page; without it compared.html beside the first.")
     ] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
-    """Hold two flights side by side: numbers, overlaid pictures, and what was not the same in their configuration."""
+    """Hold two flights side by side: numbers, overlaid pictures, and what was not the same in their configuration. Exit
+    code 1: the own law of one failed."""
     from rich.console import Console
 
     from analysis import compare as comparing
 
-    path = first.with_name("compared.html") if out is None else out
     with _refusing():
         a, b = comparing.sides(first, second)
-        if not as_json:
-            path.write_text(comparing.html(a, b), encoding="utf-8")
-    if as_json:
-        typer.echo(comparing.to_json(a, b))
-    else:
-        comparing.print_comparison(a, b, Console())
-        _print_page(path)
+        if as_json:
+            typer.echo(comparing.to_json(a, b))
+        else:
+            with new_file(out or first.with_name("compared.html"), overwrite) as path:
+                path.write_text(comparing.html(a, b), encoding="utf-8")
+            comparing.print_comparison(a, b, Console())
+            _print_page(path)
+    if a.summary.law_failures or b.summary.law_failures:
+        raise typer.Exit(LAW_FAILED)
 
 
 @app.command()
@@ -202,20 +208,15 @@ def layout(
         Path | None, typer.Argument(metavar="LAB.TOML|FLIGHT.MCAP", help="Whose drones; without it three usual ones.")
     ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="A .json or .rbl file.")] = Path("foxglove.json"),
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Write a layout of a formation flight for Foxglove (.json), or a blueprint for Rerun (.rbl)."""
     from analysis import layout as layouts
-    from wire.errors import ConfigError
 
-    with _refusing():
-        try:
-            layouts.write(out, source)
-        except ConfigError as error:
-            print_json_error(str(error))
-            typer.echo(f"gcs-log: {error}", err=True)
-            raise typer.Exit(UNUSABLE) from error
-    typer.echo(json.dumps({"file": str(out)}) if as_json else out)
+    with _refusing(), new_file(out, overwrite) as path:
+        layouts.write(path, source)
+    typer.echo(json.dumps({"file": str(path)}) if as_json else path)
 
 
 @app.command()
@@ -227,6 +228,7 @@ def export(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FOLDER", help="Where to; without it a folder beside the log.")
     ] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Write every topic as a table, one file each: every number as it was logged, a row a drone. Or a bag of ROS 2."""
@@ -243,8 +245,9 @@ def export(
     if len(chosen) != 1:
         raise typer.BadParameter("say which: --csv, --parquet or --rosbag2")
     kind, write = chosen[0]
-    folder = log.with_name(f"{log.stem}-{kind}") if out is None else out
     with _refusing():
+        read_log(log)  # no folder is made for what is no log
+        folder = new_folder(out or log.with_name(f"{log.stem}-{kind}"), overwrite)
         written = write(folder)
     result = {"folder": str(folder), "files": [str(path) for path in written]}
     typer.echo(json.dumps(result) if as_json else f"{len(written)} files in {folder}")
@@ -252,7 +255,12 @@ def export(
 
 @app.command()
 def identify(
-    log: LogPath, out: IdentifyOut = None, write: ProfileOut = None, drone: Drone = None, as_json: Json = False
+    log: LogPath,
+    out: IdentifyOut = None,
+    write: ProfileOut = None,
+    drone: Drone = None,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
 ) -> None:
     """Estimate what the controller must know of each drone: response, thrust, noise, delay."""
     from rich.console import Console
@@ -261,12 +269,15 @@ def identify(
     from analysis.identify import vehicle as identification
     from analysis.load import load
 
-    path = log.with_name("identified.html") if out is None else out
     with _refusing():
+        if write is not None:
+            demand_absent(write, overwrite)
         flight = load(log)
         found = identification.identify(flight)
-        identified.write(flight, found, path)
-        _write_profile(found, write, drone)
+        with new_file(out or log.with_name("identified.html"), overwrite) as path:
+            identified.write(flight, found, path)
+        if write is not None:
+            _write_profile(found, write, drone, overwrite)
     if as_json:
         typer.echo(identified.to_json(found))
     else:
@@ -279,30 +290,35 @@ def paper(
     flights: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders with flight.mcap, or logs.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to; made if need be.")] = Path("figures"),
     width: Annotated[float, typer.Option(min=30.0, metavar="MM", help="Of each figure; a column is 88.9.")] = 88.9,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Write a paper's figures (PDF, SVG), table, numbers, methods and citation, and the hashes of the logs."""
     from analysis import publish
-    from wire.files import make_folder
 
     with _refusing():
         shown = [publish.shown(source) for source in flights]
-        make_folder(out)
-        written = [str(path) for path in publish.write(shown, out, width)]
+        written = [str(path) for path in publish.write(shown, new_folder(out, overwrite), width)]
     typer.echo(json.dumps({"files": written}) if as_json else "\n".join(written))
 
 
-def _write_profile(found: "Identification", path: Path | None, sysid: int | None) -> None:
+def _write_profile(found: "Identification", path: Path, sysid: int | None, overwrite: bool) -> None:
     """Write the profile of the drone of that sysid, or of the flight's last drone, a follower."""
+    from analysis.identify.vehicle import KNOWN_WITHIN
     from wire.config_file import dump_profile
     from wire.logs.mcap_scan import LogError
 
     chosen = [drone for drone in found.drones if sysid in (None, drone.vehicle.sysid)]
-    if path is None:
-        return
     if not chosen:
         raise LogError(f"no drone {sysid} was sent targets in this flight" if sysid else "no drone was sent targets")
-    path.write_text(dump_profile(chosen[-1].profile()), encoding="utf-8")
+    drone = chosen[-1]
+    write_edited(path, dump_profile(drone.profile(KNOWN_WITHIN)), overwrite)
+    if unknown := drone.unknown():
+        text = f"{path}: not known within a third, as before: {', '.join(unknown)}; {IDENTIFIED_BY}"
+        typer.echo(f"gcs-log: {text}", err=True)
+
+
+IDENTIFIED_BY = "identify a circle or an eight at speed for the response, a flight that climbs and sinks for the thrust"
 
 
 def _print_page(path: Path) -> None:
@@ -323,7 +339,7 @@ def _refusing() -> Iterator[None]:
 
     try:
         yield
-    except (OSError, LogError) as error:
+    except (OSError, LogError, ConfigError) as error:
         print_json_error(str(error))
         typer.echo(f"gcs-log: {error}", err=True)
         raise typer.Exit(UNUSABLE) from error

@@ -245,5 +245,8 @@ def print_comparison(a: Side, b: Side, console: Console) -> None:
             change = "" if x is None or y is None else f"{y - x:+.3g}"
             table.add_row(key, *("-" if value is None else f"{value:.5g}" for value in (x, y)), change)
     console.print(table)
+    for side in (a, b):
+        if side.summary.law_failures:
+            console.print(Text(f"{side.name}: its law failed, so it has no figures: {side.summary.outcome.reason}"))
     for key, (was, is_now) in configuration(a, b).items():
         console.print(Text(f"{key}: {was} | {is_now}"))

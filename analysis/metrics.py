@@ -5,7 +5,7 @@ import json
 import operator
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import combinations, pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -100,8 +100,11 @@ def summarise(
     report: Path | None = None,
     realtime_factor: float | None = None,
 ) -> Summary:
-    """The summary of a flight; the paths and the host's own speed are not in the log and ride along."""
+    """The summary of a flight; the paths and the host's own speed are not in the log and ride along. A lab's own law
+    that failed has no figures: what flew on is not that law."""
     tracking = track(flight)
+    if len(flight.law_failures):
+        tracking = replace(tracking, scored=np.zeros_like(tracking.scored))
     error_m = np.linalg.norm(tracking.error_lead_m, axis=-1)[tracking.scored]
     leader_m = np.linalg.norm(track_leader(flight).error_lab_m, axis=-1)
     return Summary(

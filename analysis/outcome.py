@@ -72,7 +72,7 @@ def _aborts(
     last = flight.phases[-1]
     landings = _landings(flight)
     for landing in landings:
-        if not _asked_for(flight, Verb.LAND, landing.start_s):
+        if not _asked_for(flight, landing.start_s):
             yield landing.cause or "landed unasked"
     if last.phase in AIRBORNE and not flight.closed:
         yield f"the log ends in {last.phase.name}, and its ground did not end it: drones may be in the air"
@@ -208,9 +208,13 @@ def _flown(flight: Flight, t_s: float) -> bool:
     return any(span.start_s <= t_s <= span.end_s + CONFIRM_S for span in flight.spans(*AIRBORNE))
 
 
-def _asked_for(flight: Flight, verb: Verb, t_s: float) -> bool:
-    """Whether the operator asked for it just before t_s."""
+def _asked_for(flight: Flight, t_s: float) -> bool:
+    """Whether the operator had asked for all to land just before t_s, and was not rejected."""
+    rejected = {reply.id for reply in flight.replies.messages if not reply.accepted}
     return any(
-        request.verb is verb and 0.0 <= t_s - asked_s <= 1.0
+        request.verb is Verb.LAND
+        and not request.argument
+        and request.id not in rejected
+        and 0.0 <= t_s - asked_s <= 1.0
         for asked_s, request in zip(flight.requests.t_s, flight.requests.messages, strict=True)
     )

@@ -169,7 +169,7 @@ def _draw(each: Shown, folder: Path, width_mm: float) -> Iterator[Path]:
 
 def save(figure: Figure, stem: Path) -> tuple[Path, Path]:
     """Write a figure as PDF and SVG, and say where."""
-    files = stem.with_suffix(".pdf"), stem.with_suffix(".svg")
+    files = stem.with_name(f"{stem.name}.pdf"), stem.with_name(f"{stem.name}.svg")  # names may have dots
     with style.styled(), mpl.rc_context({"pdf.fonttype": TRUE_TYPE}):
         FigureCanvasPdf(figure)
         figure.savefig(files[0], metadata={"CreationDate": None})

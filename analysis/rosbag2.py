@@ -32,11 +32,10 @@ Message = tuple[int, Shown]
 
 
 def write(log: Log, folder: Path) -> list[Path]:
-    """Write the bag into a new folder; its files. Raises OSError, and LogError where the log names no lab."""
+    """Write the bag into an empty folder; its files. Raises OSError, and LogError where the log names no lab."""
     lab = lab_of(log.metadata)
     if lab is None:
         raise LogError(f"{log.path}: its metadata say of no lab, without which its bodies have no names")
-    folder.mkdir(parents=True)
     path = folder / f"{folder.name}_0.mcap"
     flight = Flight(lab)
     with path.open("wb") as stream:

@@ -226,7 +226,6 @@ def _name(topic: str) -> str:
 
 
 def _metadata(log: LogTables, folder: Path) -> Path:
-    folder.mkdir(parents=True, exist_ok=True)
     path = folder / "metadata.json"
     path.write_text(json.dumps(dict(log.metadata), indent=2), encoding="utf-8")
     return path

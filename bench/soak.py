@@ -32,6 +32,7 @@ from sim.ports import private_link
 from sim.scenario import Scenario
 from sim.script import Step
 from wire.clock import REAL_TIME, Clock
+from wire.files import recorded
 from wire.ground_state import Cycles, decode
 from wire.logs.mcap_read import read_log
 
@@ -125,7 +126,7 @@ class Sampler:
         if phase != Phase.HOLD.name or (self.samples and t_s < self.samples[-1].t_s + SAMPLED_S):
             return
         cycles = decode(self._state).cycles if self._state else Cycles()
-        log_bytes = self._log.stat().st_size
+        log_bytes = recorded(self._log).stat().st_size
         self.samples.append(Sample(t_s, self._memory(), log_bytes, cycles.count, cycles.late))
         self._progress(f"{(t_s - self.samples[0].t_s) / 60.0:.1f} of {self._hover_s / 60.0:g} minutes")
 

@@ -313,6 +313,7 @@ class RunResult:
     timing: Timing
     lost_records: int
     not_landed: tuple[str, ...]
+    log: Path
 
 
 def on_own_clock(date: str, pair: ClockPair) -> str:
@@ -330,11 +331,13 @@ async def run(
     report: EventSink,
     clock: Clock = REAL_TIME,
     protection: Protection = LOOPBACK_ONLY,
+    overwrite: bool = False,
 ) -> RunResult:
     """Run the ground until SIGINT or SIGTERM; in flight it lands the swarm first, a second signal ends it at once.
 
     lab_file: where `config` was read, for the mocap process, if one has to be started. protection: of every link.
-    Raises OSError (bus, ports, log), ValueError (a link that is none), ServiceError (no mocap), GroundFailure.
+    overwrite: a log that is there. Raises OSError (bus, ports, log), ValueError (a link that is none), ServiceError
+    (no mocap), GroundFailure.
     """
     start = clock.pair()
     t0_ns, session = start.monotonic_ns, start.unix_ns // 1_000_000_000
@@ -349,7 +352,7 @@ async def run(
             "security": protection.words,
             **metadata,
         }
-        with LogWriter(log_path, log_metadata, start=start, share=sharer(bus, name)) as log:
+        with LogWriter(log_path, log_metadata, start=start, share=sharer(bus, name), overwrite=overwrite) as log:
             ground = Ground(config, core, log, report, clock)
             ground.exposed = INSECURE if protection.bus.insecure else ""
             if bus.listens and not config.link.names_bus:
@@ -365,7 +368,7 @@ async def run(
             finally:
                 ground.links.close()
         state = core.state(clock.monotonic_ns())
-        return RunResult(ground.phase, state.cause, ground.timing, log.lost, state.not_landed)
+        return RunResult(ground.phase, state.cause, ground.timing, log.lost, state.not_landed, log.path)
     finally:
         await bus.close()
 
@@ -498,6 +501,7 @@ class RunOptions:
     insecure: bool
     priority: bool
     clock: Clock
+    overwrite: bool
 
 
 def serve(config: LabConfig, options: RunOptions) -> None:
@@ -516,7 +520,11 @@ def serve(config: LabConfig, options: RunOptions) -> None:
         priority = raise_priority() if options.priority else prefer_process()
         report(Event(Severity.INFO, "ground", f"priority: {priority}"))
         metadata = options.metadata | _key_operations(config, options.lab_file) | {"priority": priority}
-        ended = uvloop.run(run(config, options.lab_file, log, name, metadata, report, options.clock, protection))
+        ended = uvloop.run(
+            run(
+                config, options.lab_file, log, name, metadata, report, options.clock, protection, options.overwrite
+            )
+        )  # fmt: skip
     except ServiceError as error:
         fail(str(error), error.code)
     except ValueError as error:
@@ -525,7 +533,7 @@ def serve(config: LabConfig, options: RunOptions) -> None:
         fail(str(error), REJECTED)
     except GroundFailure as error:
         fail(f"the ground has failed and ends, the drones land by themselves: {error}", REJECTED)
-    _report(ended, log, as_json, priority)
+    _report(ended, as_json, priority)
 
 
 def _key_operations(config: LabConfig, lab_file: Path) -> dict[str, str]:
@@ -535,17 +543,18 @@ def _key_operations(config: LabConfig, lab_file: Path) -> dict[str, str]:
     return {"key_operations": read_operations(keys_folder(config.security.keys, lab_file))}
 
 
-def _report(ended: RunResult, log: Path, as_json: bool, priority: str) -> None:
+def _report(ended: RunResult, as_json: bool, priority: str) -> None:
     timing = ended.timing
     worst_ms = round(timing.worst_s * 1e3, 2)
     if as_json:
         summary = {
             "phase": ended.phase.name, "cause": ended.cause, "not_landed": ended.not_landed,
             "ticks": timing.ticks, "late_ticks": timing.late,
-            "worst_latency_ms": worst_ms, "priority": priority, "lost_records": ended.lost_records, "mcap": str(log),
+            "worst_latency_ms": worst_ms, "priority": priority, "lost_records": ended.lost_records,
+            "mcap": str(ended.log),
         }  # fmt: skip
         print(json.dumps(summary))
     else:
-        print(f"{timing.ticks} ticks, {timing.late} late, worst {worst_ms} ms; priority {priority}; log {log}")
+        print(f"{timing.ticks} ticks, {timing.late} late, worst {worst_ms} ms; priority {priority}; log {ended.log}")
     if ended.not_landed:
         fail(f"ended with {', '.join(ended.not_landed)} not known to have landed ({ended.cause})", NOT_LANDED)

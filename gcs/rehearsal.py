@@ -19,7 +19,9 @@ class Rehearsal(Model):
 
 
 def record(lab_file: Path, config: LabConfig, date: str, passed: bool, folder: Path) -> None:
-    """Write down a rehearsal; OSError."""
+    """Write down a rehearsal in the place of the last one; OSError, ConfigError where another file has its name."""
+    if _beside(lab_file).exists() and recorded(lab_file) is None:
+        raise ConfigError([f"{_beside(lab_file)}: it is there already, and no record of a rehearsal"])
     rehearsal = Rehearsal(lab=lab_name(config), date=date, passed=passed, folder=str(folder))
     _beside(lab_file).write_text(dump(rehearsal), encoding="utf-8")
 

@@ -46,6 +46,8 @@ class Files:
     folder: Path
     log_folder: Path | None = None
     """Where the ground's log goes, where that is another folder."""
+    overwrite: bool = False
+    """Whether the ground's log takes the place of one that is there."""
 
     @property
     def mcap(self) -> Path:
@@ -149,6 +151,7 @@ async def running(
             *([] if clock == REAL_TIME else [f"speed={clock.speed:g}"]),
         ]
         arguments = ["run", str(files.lab), "--log", str(files.mcap), *speed, *(["--force"] if force else [])]
+        arguments += ["--overwrite"] if files.overwrite else []
         arguments += [word for tag in tags for word in ("--tag", tag)]
         ground = await group.start("gcs", "gcs", arguments, patience_s=LANDING_PATIENCE_S / clock.speed)
         protection = lab_protection(scenario.lab.security, files.lab, TOOL)

@@ -42,10 +42,15 @@ class Flown:
 
 
 def run_to_file(
-    scenario: Scenario, seed: int, path: Path, progress: Progress | None = None, physics: Physics = OWN
+    scenario: Scenario,
+    seed: int,
+    path: Path,
+    progress: Progress | None = None,
+    physics: Physics = OWN,
+    overwrite: bool = False,
 ) -> Flown:
-    """Fly, recording to an MCAP file at `path` (OSError)."""
-    with LogWriter(path, metadata(scenario, seed, "memory", T0_NS), threaded=False) as log:
+    """Fly, recording to an MCAP file at `path` (OSError); overwrite: as of `LogWriter`."""
+    with LogWriter(path, metadata(scenario, seed, "memory", T0_NS), threaded=False, overwrite=overwrite) as log:
         return fly(scenario, seed, log.write, progress, physics=physics)
 
 

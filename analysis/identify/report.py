@@ -16,7 +16,7 @@ from analysis.identify.response import Response, first_order, step
 from analysis.identify.sensing import Sensing
 from analysis.identify.signals import Estimate
 from analysis.identify.thrust import Thrust
-from analysis.identify.vehicle import Identification, Identified
+from analysis.identify.vehicle import KNOWN_WITHIN, Identification, Identified
 from analysis.load import Flight
 from analysis.page import Folded, Section
 from analysis.plots import style
@@ -244,7 +244,7 @@ def _drone(flight: Flight, drone: Identified, lead: str) -> Section:
         drawn = model_against_data(flight, drone)
     rows = [(line.name, line.words(), line.assumed_words()) for line in drone_lines(drone)]
     estimates = page.table(("quantity", "#estimate", f"#{drone.base.name}"), rows)
-    profile = Folded("Profile to paste", text=dump_profile(drone.profile()))
+    profile = Folded("Profile to paste", text=dump_profile(drone.profile(KNOWN_WITHIN)))
     return Section(f"drone-{drone.vehicle.sysid}", drone.vehicle.body, lead, (drawn,), (estimates, profile))
 
 

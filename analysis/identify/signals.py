@@ -28,6 +28,11 @@ class Estimate:
         """Half the interval."""
         return 0.5 * (self.high - self.low)
 
+    @property
+    def share(self) -> float:
+        """Half the interval, as a share of the value."""
+        return self.half_width / abs(self.value) if self.value else np.inf
+
     def scaled(self, factor: float) -> "Estimate":
         """The same in another unit; factor > 0."""
         return Estimate(factor * self.value, factor * self.low, factor * self.high)

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from analysis.identify import response, sensing, thrust
 from analysis.identify.response import Response
 from analysis.identify.sensing import Sensing, estimate_sensing
@@ -11,6 +13,11 @@ from analysis.load import Flight, Vehicle
 from formation.model import LONGEST_NAME
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PAPER_40G, VehicleProfile
+
+KNOWN_WITHIN = 1.0 / 3.0
+"""A figure is written where half its 95 % interval is at most this share of it: control stands gains off by as much."""
+_FOLLOWS_RATES = 0.5
+"""Of the body rates' lead: an autopilot takes it whole or not at all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,34 +39,45 @@ class Identified:
         ending = f"_{self.vehicle.body}"
         return (self.base.name.removesuffix(ending) + ending)[-LONGEST_NAME:]
 
-    def profile(self) -> VehicleProfile:
-        """The base profile updated with all estimates of this flight; the mass stays the assumed one."""
-        update: dict[str, float | bool | str] = {"name": self.name}
+    @property
+    def estimates(self) -> dict[str, Estimate]:
+        """The estimate behind each number of the profile that this flight gives."""
+        found, r, t = dict[str, Estimate](), self.response, self.thrust
+        if isinstance(r, Response):
+            found |= {
+                "response_dead_time_s": r.dead_time_s, "response_lag_s": r.lag_s, "thrust_dead_time_s": r.delay_s,
+                "thrust_lag_s": r.motor_lag_s, "attitude_p_1_s": r.attitude_p_1_s, "rate_p_1_s": r.rate_p_1_s,
+                "motor_lag_s": r.motor_lag_s,
+            }  # fmt: skip
+        if isinstance(t, Thrust):
+            found |= {} if t.curve is None else {"thrust_curve": t.curve}
+            found["thrust_max_n"] = max(t.full_m_s2, t.hover_norm, key=lambda estimate: estimate.share)
+        return found
+
+    def unknown(self, share: float = KNOWN_WITHIN) -> tuple[str, ...]:
+        """The entries of the profile that are not known within that share of themselves."""
+        return tuple(key for key, estimate in self.estimates.items() if not estimate.share <= share)
+
+    def profile(self, share: float = np.inf) -> VehicleProfile:
+        """The base profile updated with the estimates of this flight that are known within that share of themselves;
+        the mass stays the assumed one."""
+        known = {key: each.value for key, each in self.estimates.items() if each.share <= share}
+        update: dict[str, float | bool | str] = {"name": self.name} | known
         if isinstance(self.response, Response):
-            update |= _answers(self.response)
+            delay_s, lead = self.response.delay_s, self.response.rate_lead
             # What is inside the vehicle is part of the delay seen; the link's share of it is not known.
-            update["command_delay_s"] = min(self.base.command_delay_s, self.response.delay_s.value)
-        if isinstance(self.thrust, Thrust):
-            curve = self.base.thrust_curve if self.thrust.curve is None else _fraction(self.thrust.curve.value)
+            seen_s = delay_s.value if delay_s.share <= share else delay_s.high
+            update["command_delay_s"] = min(self.base.command_delay_s, seen_s)
+            if lead is not None and not lead.low <= _FOLLOWS_RATES <= lead.high:
+                update["rate_feed_forward"] = lead.value > _FOLLOWS_RATES
+        if isinstance(self.thrust, Thrust) and "thrust_max_n" not in known:
+            update.pop("thrust_curve", None)  # the two make the hover thrust together
+        elif isinstance(self.thrust, Thrust):
+            curve = _fraction(known.get("thrust_curve", self.base.thrust_curve))
             hover = self.thrust.hover_norm.value
             weight_n = self.base.mass_kg * GRAVITY_M_S2
             update |= {"thrust_curve": curve, "thrust_max_n": weight_n / ((1.0 - curve) * hover + curve * hover**2)}
         return self.base.model_copy(update={key: _short(value) for key, value in update.items()})
-
-
-def _answers(found: Response) -> dict[str, float | bool | str]:
-    """The profile's entries that a response decides."""
-    lead = {} if found.rate_lead is None else {"rate_feed_forward": found.rate_lead.value > 0.5}
-    return {
-        "response_dead_time_s": found.dead_time_s.value,
-        "response_lag_s": found.lag_s.value,
-        "thrust_dead_time_s": found.delay_s.value,
-        "thrust_lag_s": found.motor_lag_s.value,
-        "attitude_p_1_s": found.attitude_p_1_s.value,
-        "rate_p_1_s": found.rate_p_1_s.value,
-        "motor_lag_s": found.motor_lag_s.value,
-        **lead,
-    }
 
 
 def _fraction(value: float) -> float:

@@ -23,7 +23,7 @@ from gcs.cli.children import page_process
 from gcs.doctor import cli as doctor_cli
 from wire import clock
 from wire.errors import ConfigError
-from wire.files import run_folder
+from wire.files import IN_LOCKSTEP, new_file, new_folder, run_folder
 from wire.process.output import dropping_output
 from wire.process.program import (
     DefaultCommand,
@@ -31,6 +31,7 @@ from wire.process.program import (
     Json,
     LabFile,
     Name,
+    Overwrite,
     Speed,
     configuration,
     fail,
@@ -52,6 +53,7 @@ app = program(
 def run(
     lab: LabFile,
     log: Annotated[Path | None, typer.Option(help="The flight log; without it runs/TIME-LAB/flight.mcap.")] = None,
+    overwrite: Overwrite = False,
     name: Name = GCS_NAME,
     tag: Annotated[
         list[str] | None, typer.Option(metavar="KEY=VALUE", help="Metadata for the log; as often as needed.")
@@ -83,7 +85,10 @@ def run(
     metadata = {"link": config.link_kinds}
     metadata |= _tags(tag or [])
     with page_process(lab, name, speed, insecure) if page else nullcontext():
-        serve(config, RunOptions(lab, path, name, metadata, force, as_json, insecure, priority, clock.Clock(speed)))
+        options = RunOptions(
+            lab, path, name, metadata, force, as_json, insecure, priority, clock.Clock(speed), overwrite
+        )
+        serve(config, options)
 
 
 def _tags(items: list[str]) -> dict[str, str]:
@@ -98,33 +103,39 @@ def _tags(items: list[str]) -> dict[str, str]:
 def check(
     lab: LabFile,
     svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the lab from above into an SVG file.")] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Judge a lab file and draw the lab from above; starts nothing. Exit code 1 where `gcs run` would refuse it."""
     from gcs.lab import cli
 
-    cli.check(lab, svg, as_json)
+    cli.check(lab, svg, as_json, overwrite)
 
 
 @app.command()
 def rehearse(
     lab: LabFile,
     out: Annotated[Path | None, typer.Option(help="Folder for its log and report; runs/TIME-LAB if not given.")] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Fly the lab's whole flight in simulation before anybody arms: its vehicles, limits and law. Needs [sim]."""
     from gcs.rehearsal import record
 
     config = configuration(lab)
-    folder = out or run_folder(config.name, clock.unix_us())
+    try:
+        folder = new_folder(out or run_folder(config.name, clock.unix_us()), overwrite, IN_LOCKSTEP)
+    except OSError as error:
+        fail(f"{error.filename}: {error.strerror}", NOT_RIGHT)
     # The simulator is known there alone.
     words = [str(lab), "--out", str(folder), *(["--json"] if as_json else [])]
+    words += ["--overwrite"] if overwrite else []
     code = subprocess.run(python_command("sim", "run", *words), check=False).returncode
     if (folder / "flight.mcap").exists():
         try:
             record(lab, config, datetime.now().isoformat(timespec="seconds"), passed=code == 0, folder=folder)
-        except OSError as error:
-            print_error(f"the page will not know of it: {error.filename}: {error.strerror}")
+        except (ConfigError, OSError) as error:
+            print_error(f"the page will not know of it: {error}")
     raise typer.Exit(code)
 
 
@@ -250,6 +261,7 @@ def live(
     host: Annotated[str, typer.Option(help="Where Foxglove is served.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="And on which port.")] = 8765,
     save: Annotated[Path | None, typer.Option("--save", metavar="FILE.rrd", help="Rerun into a file instead.")] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
     insecure: Insecure = False,
 ) -> None:
@@ -274,8 +286,9 @@ def live(
         if foxglove:
             viewers.append(Foxglove(host, port))
             typer.echo(f"Foxglove: open connection ws://{host}:{viewers[-1].port}", err=True)  # type: ignore[attr-defined]
-        if rerun or save:
-            viewers.append(Rerun(None if save is None else str(save), [vehicle.body for vehicle in config.vehicles]))
+        with nullcontext() if save is None else new_file(save, overwrite) as to:
+            if rerun or to:
+                viewers.append(Rerun(None if to is None else str(to), [vehicle.body for vehicle in config.vehicles]))
     except (ViewerError, ConfigError) as error:
         fail(str(error), NOT_RIGHT)
     except OSError as error:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from wire.errors import ConfigError
-from wire.process.program import LAB, Json, LabFile, configuration, fail
+from wire.files import demand_absent
+from wire.process.program import LAB, Json, LabFile, Overwrite, configuration, fail
 from wire.process.system import NOT_RIGHT, REJECTED
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ def pack(
     who: Who,
     lab: Lab = LAB,
     out: Annotated[Path | None, typer.Option(help="The file; NAME.keys if not given.")] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Write one file that carries an identity's keys to another computer. Delete it once it is installed there."""
@@ -47,6 +49,7 @@ def pack(
 
     path = out or Path(f"{who}.keys")
     try:
+        demand_absent(path, overwrite)
         write_bundle(path, who, _folder(lab).files(who, _now()))
     except (ConfigError, OSError) as error:
         _fail(error)
@@ -58,6 +61,7 @@ def token(
     who: Who,
     lab: Lab = LAB,
     out: Annotated[Path | None, typer.Option(help="The file; NAME.token if not given.")] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Write the token by which an operator logs in on the page from another computer; an older one is void."""
@@ -65,6 +69,7 @@ def token(
 
     path = out or Path(f"{who}.token")
     try:
+        demand_absent(path, overwrite)  # before the older token is void
         write_private(path, f"{_folder(lab).page_token(who, _now())}\n".encode())
     except (ConfigError, OSError) as error:
         _fail(error)
@@ -79,6 +84,7 @@ def install(
     serial: Annotated[
         str | None, typer.Option(metavar="DEV:BAUD", help="Give the signing key to the autopilot on this line, too.")
     ] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Install the keys of one identity on this computer, and with --serial in its autopilot."""
@@ -90,7 +96,7 @@ def install(
         identity = bundle_identity(file)
         if sysid is not None and identity != drone_identity(sysid):
             raise ConfigError([f"{file}: keys of {identity}, not of drone {sysid}"])
-        install_bundle(file, keys)
+        install_bundle(file, keys, overwrite)
         if serial is not None:
             from gcs.security.autopilot_key import send_key
 

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from wire.errors import ConfigError
-from wire.process.program import Json, LabFile, configuration, fail
+from wire.files import demand_absent, write_edited
+from wire.process.program import Json, LabFile, Overwrite, configuration, fail
 from wire.process.system import NOT_RIGHT, REJECTED, python_command
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ def install(
     ] = None,
     user: Annotated[str, typer.Option(help="Whom the services run as; the owner of the lab file if not given.")] = "",
     to: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the units.")] = UNITS,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Write the units of ground and mocap process, or with --bridge of a drone's guard, and say how to start them."""
@@ -52,7 +54,11 @@ def install(
     units = units or list(ground_units(file, config, user))
     try:
         for unit in units:
-            (to / unit.name).write_text(unit.text, encoding="utf-8")
+            demand_absent(to / unit.name, overwrite)
+        for unit in units:
+            write_edited(to / unit.name, unit.text, overwrite)
+    except ConfigError as error:
+        fail(str(error), NOT_RIGHT)
     except OSError as error:
         root = "" if os.geteuid() == 0 or to != UNITS else " (run it by sudo, or give --to)"
         fail(f"{error.filename}: {error.strerror}{root}", REJECTED)

@@ -1,6 +1,7 @@
 """One drone as MAVSDK sees it: a connection of its own over a loopback socket, beside the ground's own link."""
 
 import asyncio
+import os
 import socket
 from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
@@ -18,7 +19,7 @@ from mavsdk.plugins.info import InfoError
 from mavsdk.plugins.log_files import LogFilesError
 from mavsdk.plugins.param import ParamError, ParamResult
 
-from wire.files import inside
+from wire.files import finish_log, inside
 from wire.text import plain
 
 LOOPBACK = "127.0.0.1"
@@ -146,14 +147,16 @@ async def fetch_logs(
         raise DroneError(f"{prefix}: no list of logs came") from error
     fetched = []
     for entry in sorted(entries, key=lambda entry: int(entry.id), reverse=True)[:newest]:
-        path = log_path(folder, prefix, entry.id, entry.date)
-        progress(f"{path} ({entry.size_bytes / 1e6:.1f} MB)")
+        wanted = log_path(folder, prefix, entry.id, entry.date)
+        progress(f"{wanted} ({entry.size_bytes / 1e6:.1f} MB)")
+        own = wanted.with_name(f".{wanted.name}.{os.getpid()}")  # until it is whole
         try:
-            async for _ in files.download_log_file(entry, str(path)):
+            async for _ in files.download_log_file(entry, str(own)):
                 pass
         except LogFilesError as error:
-            raise DroneError(f"{path}: {error}") from error
-        path.chmod(0o600)
+            raise DroneError(f"{wanted}: {error}") from error
+        own.chmod(0o600)
+        path = finish_log(own, wanted)
         fetched.append(path)
     return fetched
 

@@ -17,25 +17,26 @@ from gcs.lab.findings import findings_of, judge_margins, line, of_grade, print_l
 from gcs.lab.judge import foreseen
 from gcs.lab.plan_svg import svg_plan
 from wire.config_file import ConfigError, lines_of, load
-from wire.files import read_toml
+from wire.files import new_file, read_toml
 from wire.process.program import fail
 from wire.process.system import NOT_RIGHT, REJECTED, python_command
 
 INDENT = " " * 8
 
 
-def check(lab: Path, svg: Path | None, as_json: bool) -> None:
+def check(lab: Path, svg: Path | None, as_json: bool, overwrite: bool = False) -> None:
     """Judge and draw a lab file, or a scenario and the lab that it flies; ends the program with its exit code."""
     if _is_scenario(lab):
         # Scenarios are the simulator's; what they are is known there alone.
         words = [str(lab), *([] if svg is None else ["--svg", str(svg)]), *(["--json"] if as_json else [])]
+        words += ["--overwrite"] if overwrite else []
         raise typer.Exit(subprocess.run(python_command("sim", "check", *words), check=False).returncode)
     try:
         config = load(lab, LabConfig)
     except ConfigError as error:
         not_right(lab, error, as_json)
     else:
-        judge_lab(lab, config, svg, as_json)
+        judge_lab(lab, config, svg, as_json, overwrite=overwrite)
 
 
 def not_right(file: Path, error: ConfigError, as_json: bool) -> None:
@@ -46,11 +47,23 @@ def not_right(file: Path, error: ConfigError, as_json: bool) -> None:
     conclude(file, wrong, None, as_json)
 
 
-def judge_lab(file: Path, config: LabConfig, svg: Path | None, as_json: bool, further: Sequence[Finding] = ()) -> None:
+def judge_lab(
+    file: Path,
+    config: LabConfig,
+    svg: Path | None,
+    as_json: bool,
+    further: Sequence[Finding] = (),
+    overwrite: bool = False,
+) -> None:
     """Judge and draw a lab that could be read; ends the program with its exit code. further: what else was found."""
     ahead = foreseen(config)
     if svg is not None:
-        _write(svg, svg_plan(drawn(config, ahead), f"{_fence_text(config)}; {_trajectory_text(config, ahead)}"))
+        plan = svg_plan(drawn(config, ahead), f"{_fence_text(config)}; {_trajectory_text(config, ahead)}")
+        try:
+            with new_file(svg, overwrite) as path:
+                path.write_text(plan, encoding="utf-8")
+        except OSError as error:
+            fail(f"{svg}: {error.strerror}", NOT_RIGHT)
     if not as_json:
         print(text_plan(drawn(config, ahead)), *summary(config, ahead), "", sep="\n")
     findings = (*findings_of(config), *further)
@@ -152,10 +165,3 @@ def conclude(lab: Path, findings: Sequence[Finding], counted: dict[str, object] 
 
 def _counted(n: int, word: str) -> str:
     return f"{n or 'no'} {word}{'' if n == 1 else 's'}"
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        fail(f"{path}: {error.strerror}", NOT_RIGHT)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gcs.security.certificates import fault_of
 from wire.errors import ConfigError
-from wire.files import make_folder, read_text
+from wire.files import demand_absent, make_folder, read_text
 from wire.security.private_keys import (
     ACCESS,
     AUTHORITY,
@@ -35,10 +35,11 @@ def write_bundle(path: Path, identity: str, files: dict[str, str]) -> None:
     write_private(path, json.dumps({"identity": identity, "files": files}).encode())
 
 
-def install_bundle(path: Path, keys: Path) -> str:
+def install_bundle(path: Path, keys: Path, overwrite: bool = False) -> str:
     """Make the folder of the identity that the file carries; return the identity. ConfigError, OSError.
 
-    A file open to others is refused: who could read it has the keys.
+    A file open to others is refused: who could read it has the keys. So are, unless overwrite, other keys of the
+    identity that are there; its rules are replaced.
     """
     identity, files = _parse(path)
     make_folder(keys)
@@ -46,6 +47,10 @@ def install_bundle(path: Path, keys: Path) -> str:
     own = keys / identity
     make_folder(own)
     demand_private(own)
+    for name, text in files.items():
+        path = own / name
+        if name not in (ACCESS, REVOKED_NAMES) and not (path.is_file() and read_text(path) == text):
+            demand_absent(path, overwrite)
     for name, text in files.items():
         write_private(own / name, text.encode())
     return identity

@@ -20,7 +20,7 @@ import typer
 from formation.exposure import is_loopback
 from sim.cli import studies
 from wire.process.output import dropping_output
-from wire.process.program import print_json_error, program, starting, with_options
+from wire.process.program import Overwrite, print_json_error, program, starting, with_options
 
 app = program(
     "Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes; "
@@ -88,6 +88,7 @@ class FlyOptions:
     ] = False
     as_json: Json = False
     out: Out = None
+    overwrite: Overwrite = False
 
 
 @app.command()
@@ -111,11 +112,12 @@ def run(
     require: Require = None,
     as_json: Json = False,
     out: Out = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Fly in lockstep: the same cores and bytes in one process, decided by scenario and seed alone."""
     from sim.cli import flights
 
-    ending = flights.RunOutput(as_json, out, flights.required(require))
+    ending = flights.RunOutput(as_json, out, flights.required(require), overwrite)
     flights.run(flights.scenario_of(name, leader_csv, leader_alignment).scenario, seed, ending)
 
 
@@ -137,12 +139,13 @@ def mocap(
 def check(
     name: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A scenario's file, or a lab file.")],
     svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the lab from above into an SVG file.")] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Judge a scenario and the lab that it flies; starts nothing. `gcs check` does the same."""
     from sim.cli.flights import check as check_scenario
 
-    check_scenario(name, svg, as_json)
+    check_scenario(name, svg, as_json, overwrite)
 
 
 @app.command("compile")
@@ -186,6 +189,7 @@ def campaign(
         str | None, typer.Option(metavar="SEED:NUMBER", help="Fly this one run again and print its details.")
     ] = None,
     log: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="With --replay: log it there.")] = None,
+    overwrite: Overwrite = False,
     table: Annotated[bool, typer.Option("--table", help="Fly each fault of the table once, show how it ends.")] = False,
     controls: Annotated[
         int, typer.Option(min=0, metavar="N", help="And N flights without each monitor, which must then fail.")
@@ -202,7 +206,7 @@ def campaign(
     if table:
         commands.run_table(tuple(only or ()), workers, as_json)
     elif replay is not None:
-        commands.run_again(replay, draw, log, as_json)
+        commands.run_again(replay, draw, log, as_json, overwrite)
     else:
         asked = commands.CampaignOptions(range(first, first + runs), draw(seed), controls, tuple(only or ()))
         commands.run_campaign(asked, workers, scheduler, as_json)

@@ -98,7 +98,7 @@ def drawn_by(seed: int, families: tuple[str, ...], vehicle: str) -> Draw:
     return Draw(seed, tuple(known[name] for name in families) or FAMILIES_DRAWN, vehicle)
 
 
-def run_again(run: str, draw: Callable[[int], Draw], log: Path | None, as_json: bool) -> None:
+def run_again(run: str, draw: Callable[[int], Draw], log: Path | None, as_json: bool, overwrite: bool = False) -> None:
     """One run of a campaign; draw: by its seed."""
     seed, _, number = run.partition(":")
     if not (seed.isdecimal() and number.isdecimal()):
@@ -111,7 +111,7 @@ def run_again(run: str, draw: Callable[[int], Draw], log: Path | None, as_json: 
         record = None
         if log is not None:
             metadata = lockstep.metadata(scenario, scenario.seed, "memory", T0_NS)
-            record = files.enter_context(LogWriter(log, metadata, threaded=False)).write
+            record = files.enter_context(LogWriter(log, metadata, threaded=False, overwrite=overwrite)).write
         verdict = fly(scenario, scenario.seed, record).verdict
     if as_json:
         print(json.dumps(asdict(verdict), indent=2))

@@ -10,6 +10,7 @@ from analysis.load import Flight, load_checked
 from analysis.metrics import Summary
 from formation.codes import FlightResult, Outcome
 from formation.messages import Phase
+from wire.files import new_file, recorded
 from wire.process.daemon import LATE_NS
 
 LATELY_S = 2.0
@@ -17,19 +18,24 @@ LATELY_S = 2.0
 
 
 def conclude(
-    mcap: Path, outcome: Outcome, realtime_factor: float | None = None, speed: float | None = None
+    mcap: Path,
+    outcome: Outcome,
+    realtime_factor: float | None = None,
+    speed: float | None = None,
+    overwrite: bool = False,
 ) -> tuple[Flight, Summary]:
     """Write the report beside the log; the flight and its numbers.
 
     The outcome has the failures that the host saw beside those in the log. speed: of a flight by real processes, which
-    is `starved` where the machine was too late for it.
+    is `starved` where the machine was too late for it. overwrite: a page that is there.
     """
-    page = mcap.with_name("report.html")
+    mcap = recorded(mcap)
     flight, checked = load_checked(mcap)
-    summary = metrics.summarise(flight, mcap=mcap, report=page, realtime_factor=realtime_factor)
-    joined = _joined(outcome, summary.outcome)
-    summary = replace(summary, outcome=joined if speed is None else _starved(joined, flight, speed))
-    report.write(flight, summary, page, "" if checked.complete else checked.damage)
+    with new_file(mcap.with_name("report.html"), overwrite) as page:
+        summary = metrics.summarise(flight, mcap=mcap, report=page, realtime_factor=realtime_factor)
+        joined = _joined(outcome, summary.outcome)
+        summary = replace(summary, outcome=joined if speed is None else _starved(joined, flight, speed))
+        report.write(flight, summary, page, "" if checked.complete else checked.damage)
     return flight, summary
 
 

@@ -45,7 +45,7 @@ from sim.scenario import Scenario, ScenarioFile, find, load, recorded_leader, wi
 from wire import clock
 from wire.config_file import lines_of
 from wire.errors import ConfigError
-from wire.files import make_folder, run_folder
+from wire.files import BY_PROCESSES, IN_LOCKSTEP, new_folder, partial, run_folder
 from wire.logs.mcap_scan import LogError
 from wire.process.daemon import STARVED, StarvedError
 from wire.process.output import dropping_output
@@ -65,16 +65,18 @@ LOG_BYTES = 32 << 20
 
 @dataclass(frozen=True, slots=True)
 class RunOutput:
-    """The output of a run: how its numbers are printed, its folder if given, the requirements on them."""
+    """The output of a run: how its numbers are printed, its folder if given, the requirements on them, whether the
+    folder may hold another run's."""
 
     as_json: bool
     out: Path | None
     required: tuple[Requirement, ...]
+    overwrite: bool = False
 
 
 def fly(options: "FlyOptions") -> None:
     """In real time, or slower; ends the process with its exit code."""
-    ending = RunOutput(options.as_json, options.out, required(options.require))
+    ending = RunOutput(options.as_json, options.out, required(options.require), options.overwrite)
     summary, aborted_code = _fly(_opened(options), options, ending)
     _end(summary, ending, aborted_code)
 
@@ -93,7 +95,7 @@ def practise(options: "FlyOptions") -> None:
         text = f"--practice starts no ground, and has no {', '.join(unused)}: `gcs run` has --page, --force and --json"
         fail(text, NOT_RIGHT)
     opened = _opened(options)
-    scenario, files = opened.scenario, Files(_folder(options.out, opened.scenario))
+    scenario, files = opened.scenario, _files(options.out, opened.scenario, options.overwrite, BY_PROCESSES)
     compile_for(scenario)
     with _own_link(opened, options) as lab:
         scenario, speed = scenario.model_copy(update={"lab": lab}), clock.Clock(options.speed)
@@ -122,7 +124,7 @@ def _own_link(opened: ScenarioFile, options: "FlyOptions") -> Iterator[LabConfig
 @dropping_output()
 def _fly(opened: ScenarioFile, options: "FlyOptions", ending: RunOutput) -> tuple[Summary, int]:
     scenario, speed = opened.scenario, clock.Clock(options.speed)
-    files = Files(_folder(ending.out, scenario))
+    files = _files(ending.out, scenario, ending.overwrite, BY_PROCESSES)
     compile_for(scenario)
     with (
         _own_link(opened, options) as lab,
@@ -146,7 +148,7 @@ def _fly(opened: ScenarioFile, options: "FlyOptions", ending: RunOutput) -> tupl
     outcome = flown or Outcome(FlightResult.ABORTED, "interrupted")
     try:
         flown_at = speed.speed if flown and not scenario.mocap.stall_s else None  # what is held back on purpose is late
-        return _conclude(files.mcap, outcome, speed=flown_at), ABORTED if flown else INTERRUPTED
+        return _conclude(files, outcome, speed=flown_at), ABORTED if flown else INTERRUPTED
     except (FileNotFoundError, LogError):
         fail(f"nothing was logged: {outcome.reason} (see {files.folder})", ABORTED)
 
@@ -158,25 +160,26 @@ def run(scenario: Scenario, seed: int | None, ending: RunOutput) -> None:
 
 @dropping_output()
 def _run(scenario: Scenario, seed: int | None, ending: RunOutput) -> Summary:
-    files = Files(_folder(ending.out, scenario))
+    files = _files(ending.out, scenario, ending.overwrite, IN_LOCKSTEP)
     compile_for(scenario)
     with Display(Console(stderr=ending.as_json), scenario.name) as display:
-        flown = lockstep.run_to_file(scenario, _seed(seed, scenario), files.mcap, display.progress)
-    return _conclude(files.mcap, flown.outcome, flown.realtime_factor)
+        seed = _seed(seed, scenario)
+        flown = lockstep.run_to_file(scenario, seed, files.mcap, display.progress, overwrite=files.overwrite)
+    return _conclude(files, flown.outcome, flown.realtime_factor)
 
 
 def _conclude(
-    mcap: Path, outcome: Outcome, realtime_factor: float | None = None, speed: float | None = None
+    files: Files, outcome: Outcome, realtime_factor: float | None = None, speed: float | None = None
 ) -> Summary:
     """The numbers of a log whose report is written; ends the process where the disk does not take it."""
     from sim.cli.conclude import conclude  # its plots; the emulated mocap needs none
 
     try:
-        return conclude(mcap, outcome, realtime_factor, speed)[1]
+        return conclude(files.mcap, outcome, realtime_factor, speed, files.overwrite)[1]
     except FileNotFoundError:
         raise
     except OSError as error:
-        fail(f"no report: {error.filename or mcap.parent}: {error.strerror}", ABORTED)
+        fail(f"no report: {error.filename or files.folder}: {error.strerror}", ABORTED)
 
 
 def mocap(scenario: Scenario, seed: int | None, speed: float) -> None:
@@ -264,15 +267,19 @@ def _seed(requested: int | None, scenario: Scenario) -> int:
     return scenario.seed if requested is None else requested
 
 
-def _folder(out: Path | None, scenario: Scenario) -> Path:
+def _files(out: Path | None, scenario: Scenario, overwrite: bool, names: Sequence[str]) -> Files:
+    """A folder for this run, in which its log has room; ends the process where there is none."""
     folder = out or run_folder(scenario.name, clock.unix_us())
     try:
-        make_folder(folder)
+        folder = new_folder(folder, overwrite, names)
+        files = Files(folder, overwrite=overwrite)
+        for old in (files.mcap, partial(files.mcap)):  # a ground that is killed leaves no other's log as its own
+            old.unlink(missing_ok=True)
         with TemporaryFile(dir=folder) as probe:
             os.posix_fallocate(probe.fileno(), 0, LOG_BYTES)
     except OSError as error:
         fail(f"{folder}: no flight can be recorded here: {error.strerror}", NOT_RIGHT)
-    return folder
+    return files
 
 
 def _end(summary: Summary, ending: RunOutput, aborted_code: int = ABORTED) -> None:
@@ -341,14 +348,14 @@ class Display:
         self._status.update(Text(f"{self._title}: {phase}, {t_s:.1f} s"))
 
 
-def check(file: Path, svg: Path | None, as_json: bool) -> None:
+def check(file: Path, svg: Path | None, as_json: bool, overwrite: bool = False) -> None:
     """Judge and draw; ends the program with its exit code, as `gcs check` does."""
     try:
         opened = find(str(file))
     except ConfigError as error:
         lab_cli.not_right(Path(error.source or file), error, as_json)
         return
-    lab_cli.judge_lab(file, _lab(opened), svg, as_json, tuple(_findings(opened.scenario)))
+    lab_cli.judge_lab(file, _lab(opened), svg, as_json, tuple(_findings(opened.scenario)), overwrite)
 
 
 def _lab(opened: ScenarioFile) -> LabConfig:

@@ -15,7 +15,7 @@ import typer
 
 from analysis.cli import Json, LogPath
 from analysis.cli import app as analysis_app
-from wire.process.program import print_json_error, program
+from wire.process.program import Overwrite, print_json_error, program
 from wire.process.system import NOT_RIGHT
 
 if TYPE_CHECKING:
@@ -83,32 +83,35 @@ def whatif(
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="The page; without it whatif.html beside the log.")
     ] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Fly a recorded flight again under another law, in the disturbance that the log shows. Exit code 1: under its own
-    law it does not come back."""
+    law it does not come back, or the other law failed."""
     from rich.console import Console
 
     from analysis.load import load
+    from formation.codes import FlightResult
     from sim.studies import whatif_page
     from sim.studies.laws import chosen, flown_by
     from sim.studies.reflight import Change
     from sim.studies.whatif import what_if
     from wire.errors import ConfigError
+    from wire.files import new_file
     from wire.logs.mcap_scan import LogError
 
     late = DELAY.fullmatch(delay.strip())
     if late is None:
         raise typer.BadParameter(f"--delay {delay}: a time such as +20ms or 0.02s is wanted")
     delay_s = float(late[1]) * (1e-3 if late[2] == "ms" else 1.0)
-    path = log.with_name("whatif.html") if out is None else out
     try:
         flight = load(log)
         name = law if gains is None or flight.run.lab is None else law or flown_by(flight.run.lab)
         change = Change(None if name is None else chosen(name, gains), without, delay_s, rate or inf)
         result = what_if(flight, change, log.name)
         if not as_json:
-            path.write_text(whatif_page.html(result), encoding="utf-8")
+            with new_file(out or log.with_name("whatif.html"), overwrite) as path:
+                path.write_text(whatif_page.html(result), encoding="utf-8")
     except (OSError, LogError, ConfigError, ValueError) as error:
         print_json_error(str(error))
         typer.secho(f"gcs-log: {error}", fg="red", err=True)
@@ -118,7 +121,7 @@ def whatif(
     else:
         whatif_page.print_what_if(result, Console())
         typer.echo(path)
-    if not result.comes_back:
+    if not result.comes_back or result.result is FlightResult.LAW_FAILED:
         raise typer.Exit(DIFFERENT)
 
 

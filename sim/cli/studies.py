@@ -13,6 +13,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from wire.errors import ConfigError
+from wire.process.program import Overwrite
 from wire.process.system import NOT_RIGHT
 
 if TYPE_CHECKING:
@@ -50,6 +52,7 @@ def compare(
     ] = "paper_40g",
     only: Annotated[list[str] | None, typer.Option(help="Fly this controller alone; can be given again.")] = None,
     full: Full = False,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Fly the paper's gust, line and circle, and a steady push, with nine controllers.
@@ -59,6 +62,7 @@ def compare(
     from sim.studies import paper, paper_page
     from sim.studies.experiments import CONTROLLERS
     from sim.studies.runner import Runner
+    from wire.files import new_folder
 
     console = Console(stderr=as_json, markup=False)
     try:
@@ -71,8 +75,8 @@ def compare(
         console.print(table)
     if as_json:
         print(comparison.to_json())
-    runner.write(out, {"paper.json": comparison.to_json() + "\n", "paper.html": paper_page.html(comparison)})
-    paper_page.publish(comparison, out / "figures")
+    runner.write(out, {"paper.json": comparison.to_json() + "\n", "paper.html": paper_page.html(comparison)}, overwrite)
+    paper_page.publish(comparison, new_folder(out / "figures", overwrite))
 
 
 def robust(
@@ -86,6 +90,7 @@ def robust(
         bool, typer.Option("--json", help="Print every sample as JSON, and nothing else there.")
     ] = False,
     out: OutFolder = Path("runs"),
+    overwrite: Overwrite = False,
 ) -> None:
     """Fly vehicles that are not what the controller believes; the worst ten, by seed. Exit code 1 if any failed."""
     from sim.studies import robustness
@@ -95,7 +100,7 @@ def robust(
 
     console, host = Console(stderr=as_json, markup=False), _host(full)
     if only is not None:
-        flown = [_fly_again(Draw(only, profile, preset, Host.LOCKSTEP), out, console)]
+        flown = [_fly_again(Draw(only, profile, preset, Host.LOCKSTEP), out, console, overwrite)]
     else:
         draws = [Draw(seed, profile, preset, host) for seed in range(first, first + samples)]
         flown = Runner(console).run("flights", robustness.fly, draws)
@@ -135,6 +140,7 @@ def tune_vehicle(
         Path | None,
         typer.Option(help="Write the tuned profile here, to go under [[profiles]]; with --law its options."),
     ] = None,
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Find the gain scales of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
@@ -142,13 +148,16 @@ def tune_vehicle(
     from sim.studies.runner import Runner
     from sim.studies.tune import Task, tune
     from wire.config_file import dump, dump_profile
+    from wire.files import write_edited
 
     console = Console(stderr=as_json, markup=False)
     profile = vehicle_profile(vehicle)
     task = Task(profile, rate_hz, delay_s, noise_m, _host(full))
     if law is not None:
-        _search_law(task, law, out, console, as_json)
+        _search_law(task, law, out, overwrite, console, as_json)
         return
+    if out is not None:
+        _demand_absent(out, overwrite)  # before the minutes of flights
 
     def show(candidate: "Candidate") -> None:
         scale = candidate.gain_scale
@@ -164,8 +173,8 @@ def tune_vehicle(
     tuned = profile.model_copy(update={"gain_scale": best.gain_scale})
     preset = preset_for("default", tuned, task.mocap)
     console.print(f"law {preset.follower}\nobserver {preset.observer}", highlight=False)
-    if out is not None:
-        out.write_text(dump_profile(tuned), encoding="utf-8")
+    if out is not None and isfinite(best.cost):
+        write_edited(out, dump_profile(tuned), overwrite)
     else:
         console.print(f"\n\\[profiles.gain_scale]\n{dump(best.gain_scale)}", highlight=False)
     if as_json:
@@ -175,12 +184,13 @@ def tune_vehicle(
         raise typer.Exit(FAILED)
 
 
-def _search_law(task: "Task", name: str, out: Path | None, console: Console, as_json: bool) -> None:
-    """The gains of a preset's followers, or the options of an own law; these are added to the file `out`, under the
-    law's name and the vehicle's."""
+def _search_law(task: "Task", name: str, out: Path | None, overwrite: bool, console: Console, as_json: bool) -> None:
+    """The gains of a preset's followers, or the options of an own law; these are appended to the file `out`, under
+    the law's name and the vehicle's."""
     import tomli_w
 
     from formation.control.presets import Preset
+    from sim.cli.flights import fail
     from sim.studies import gain_search
     from sim.studies.laws import chosen
     from sim.studies.runner import Runner
@@ -193,19 +203,25 @@ def _search_law(task: "Task", name: str, out: Path | None, console: Console, as_
 
     law = chosen(name)
     try:
-        best = gain_search.search(task, law, Runner(console), show)
         values = read_toml(out) if out is not None and out.exists() else {}
+        if out is not None and task.profile.name in values.get(law.label, {}):
+            _demand_absent(out, overwrite)
+        best = gain_search.search(task, law, Runner(console), show)
     except (OSError, ValueError) as error:
         raise typer.BadParameter(str(error)) from error
+    if not isfinite(best.cost):
+        fail(f"{law.label}: it failed, or did not fly to its end, so there is nothing to write", FAILED)
     options = {key: float(f"{value:.4g}") for key, value in gain_search.gains_of(best.law).items()}
-    values[law.label] = values.get(law.label, {}) | {task.profile.name: options}
-    if out is not None:
+    new = {law.label: {task.profile.name: options}}
+    if out is not None and task.profile.name in values.get(law.label, {}):
+        values[law.label] |= new[law.label]
         out.write_text(tomli_w.dumps(values), encoding="utf-8")
+    elif out is not None:
+        with out.open("a", encoding="utf-8") as file:
+            file.write(tomli_w.dumps(new))
     if as_json:
         found = _gains_of(best.law) if isinstance(best.law, Preset) else {"options": options}
-        print(json.dumps({"tuned": _cost(best.cost)} | found))
-    if not isfinite(best.cost):
-        raise typer.Exit(FAILED)
+        print(json.dumps({"tuned": best.cost} | found))
 
 
 def play_league(
@@ -233,10 +249,12 @@ def play_league(
         Path | None, typer.Option(metavar="FILE", help="Fly a result file's rows again: the same to the bit?")
     ] = None,
     out: OutFolder = Path(),
+    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
-    """Fly laws over one table of scenes and vehicles; writes league.json and .html. With --check, exit code 1: not the
-    same."""
+    """Fly laws over one table of scenes and vehicles; writes league.json and .html. Exit code 1: a law failed or,
+    with --check, not the same."""
+    from formation.codes import FlightResult
     from sim.cli.flights import fail
     from sim.studies import league, league_page
     from sim.studies.laws import chosen
@@ -266,7 +284,11 @@ def play_league(
     text = league.to_json(results, bound_m, recorded_m)
     if as_json:
         print(text)
-    runner.write(out, {"league.json": text + "\n", "league.html": league_page.html(results, bound_m, recorded_m)})
+    runner.write(
+        out, {"league.json": text + "\n", "league.html": league_page.html(results, bound_m, recorded_m)}, overwrite
+    )
+    if any(result.outcome == FlightResult.LAW_FAILED for _, result in results):
+        raise typer.Exit(FAILED)
 
 
 def _check_league(known: "list[tuple[Row, Result]]", runner: "Runner", console: Console, as_json: bool) -> None:
@@ -286,6 +308,17 @@ def _check_league(known: "list[tuple[Row, Result]]", runner: "Runner", console: 
         print(json.dumps({"flights": len(known), "different": unlike}))
     if unlike:
         raise typer.Exit(FAILED)
+
+
+def _demand_absent(out: Path, overwrite: bool) -> None:
+    """End the program where a file is there that may not be written over."""
+    from sim.cli.flights import fail
+    from wire.files import demand_absent
+
+    try:
+        demand_absent(out, overwrite)
+    except ConfigError as error:
+        fail(str(error), NOT_RIGHT)
 
 
 def vehicle_profile(name_or_path: str) -> "VehicleProfile":
@@ -326,19 +359,18 @@ def _cost(cost: float) -> float | None:
     return cost if isfinite(cost) else None
 
 
-def _fly_again(draw: "Draw", out: Path, console: Console) -> "Sample":
+def _fly_again(draw: "Draw", out: Path, console: Console, overwrite: bool) -> "Sample":
     """Fly one draw with a log and a report."""
     from analysis.console import print_summary
     from sim import lockstep
     from sim.cli.conclude import conclude
     from sim.studies import robustness
-    from wire.files import make_folder
+    from wire.files import new_folder
 
     scenario = robustness.scenario_of(draw)
-    folder = out / scenario.name
-    make_folder(folder)
-    flown = lockstep.run_to_file(scenario, draw.seed, folder / "flight.mcap")
-    flight, summary = conclude(folder / "flight.mcap", flown.outcome, flown.realtime_factor)
+    log = new_folder(out / scenario.name, overwrite) / "flight.mcap"
+    flown = lockstep.run_to_file(scenario, draw.seed, log, overwrite=overwrite)
+    flight, summary = conclude(log, flown.outcome, flown.realtime_factor, overwrite=overwrite)
     print_summary(summary, console)
     return robustness.judge(draw, flown.outcome.result, flight, summary)
 

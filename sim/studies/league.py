@@ -22,7 +22,7 @@ import numpy as np
 from analysis.load import Flight
 from analysis.metrics import rms
 from analysis.tracking import Tracking, in_formation_phase, track
-from formation.codes import GOOD_RESULTS
+from formation.codes import GOOD_RESULTS, FlightResult
 from formation.config import Fence, FollowerConfig
 from formation.estimation.push import SETTLED_M
 from formation.maths.arrays import Float
@@ -266,9 +266,11 @@ def _measured(row: Row, scenario: Scenario, outcome: str, flight: Flight, took_s
     lab = flight.run.lab
     gain_1_s = 1.0 if lab is None else lab.profile_of(lab.followers[0]).attitude_p_1_s
     moved = [chatter_deg(q[:, c], rate[:, c], gain_1_s) for c in columns] if formed.any() else []
-    is_law_sound = not len(flight.law_failures)
+    if len(flight.law_failures):
+        hashed, cpu_us = commands_hash(flight), 1e6 * took_s / turns
+        return Result(FlightResult.LAW_FAILED, None, None, None, None, None, None, hashed, cpu_us)
     return Result(
-        str(outcome) if is_law_sound else "law failed",
+        str(outcome),
         rms(error_m),
         float(error_m.max()) if error_m.size else None,
         float(np.mean(error_m > SETTLED_M)) if error_m.size else None,

@@ -21,7 +21,6 @@ from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PAPER_40G_PRINTED
 from sim.studies.experiments import Experiment
 from sim.studies.paper import REPORTED, SHIPPED, Comparison, Figures, Mismatched
-from wire.files import make_folder
 
 COLUMNS = (
     Quantity("gust_mean_dev_m", "gust: mean of largest", "mm", ".1f"),
@@ -111,8 +110,7 @@ def drawings(comparison: Comparison) -> dict[str, Drawing]:
 
 
 def publish(comparison: Comparison, folder: Path) -> None:
-    """Write the figures (PDF, SVG) and the tables (LaTeX) into a folder, which is made; OSError."""
-    make_folder(folder)
+    """Write the figures (PDF, SVG) and the tables (LaTeX) into a folder of this run's; OSError."""
     for name, drawing in drawings(comparison).items():
         if not isinstance(drawing, Missing):
             save(drawing, folder / name)

@@ -114,7 +114,9 @@ def reconstruct(flight: Flight) -> Recorded:
         raise RecordedError("the log does not hold its lab")
     begin_ns, end_ns, cut = _span(flight)
     poses = flight.poses
-    fresh = np.append(True, np.diff(poses.t_s) > 0.0) & (poses.t_s >= 0.0)
+    arrived = np.argsort(poses.received_s, kind="stable")
+    newest_s = np.maximum.accumulate(np.append(-1e-9, poses.t_s[arrived]))  # one that a newer one overtook is not flown
+    fresh = arrived[poses.t_s[arrived] > newest_s[:-1]]
     capture_s, seen_at = poses.t_s[fresh], poses.seen[fresh]
     drones = np.array(lab.commanded)
     targets = [_sent(flight, lab.vehicles[i].sysid or 0, column) for column, i in enumerate(lab.commanded)]
@@ -137,7 +139,7 @@ def reconstruct(flight: Flight) -> Recorded:
         lab=lab,
         scenario=scenario,
         capture_ns=_ns(capture_s),
-        receive_ns=np.maximum.accumulate(_ns(poses.received_s[fresh])),
+        receive_ns=_ns(poses.received_s[fresh]),
         pos_lab_m=pos,
         q_lab_from_flu=q,
         seen=seen_at,

@@ -37,6 +37,15 @@ class Change:
     delay_s: float = 0.0
     rate_hz: float = inf
 
+    @property
+    def text(self) -> str:
+        """What is otherwise, in words."""
+        parts = [] if self.law is None else [self.law.label]
+        parts += [] if self.without is None else [f"without {self.without}"]
+        parts += [f"{1e3 * self.delay_s:g} ms later"] if self.delay_s else []
+        parts += [] if self.rate_hz == inf else [f"{self.rate_hz:g} Hz"]
+        return ", ".join(parts) or "nothing changed"
+
     def applied(self, recorded: Recorded) -> Recorded:
         """The recording as it is flown; RecordedError for a follower that is none."""
         if self.without is not None:

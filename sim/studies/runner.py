@@ -11,7 +11,7 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from wire.files import make_folder
+from wire.files import make_folder, new_files
 from wire.process.system import safe_path_for_pools
 
 Job = TypeVar("Job")
@@ -35,12 +35,13 @@ class Runner:
         with _progress_bar(self._console, title, len(jobs)) as done:
             return run_all(work, jobs, done, self._workers)
 
-    def write(self, folder: Path, texts: Mapping[str, str]) -> None:
-        """Write the files into the folder, which is made if need be, and say which."""
+    def write(self, folder: Path, texts: Mapping[str, str], overwrite: bool = False) -> None:
+        """Write the files into the folder, which is made if need be, as `new_files` names them, and say which."""
         make_folder(folder)
-        for name, text in texts.items():
-            (folder / name).write_text(text, encoding="utf-8")
-        self._console.print("  ".join(str(folder / name) for name in texts), highlight=False)
+        with new_files(*(folder / name for name in texts), overwrite=overwrite) as paths:
+            for path, text in zip(paths, texts.values(), strict=True):
+                path.write_text(text, encoding="utf-8")
+        self._console.print("  ".join(map(str, paths)), highlight=False)
 
 
 def run_all(work: Callable[[Job], Result], jobs: Sequence[Job], done: Done, workers: int | None = None) -> list[Result]:

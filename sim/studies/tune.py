@@ -159,6 +159,8 @@ def fly(flight: Flight) -> float:
     law = flight.law
     own = law.own(scenario.lab) if isinstance(law, ChosenLaw) else None
     result, log = host.fly(scenario, SEED, law if isinstance(law, Preset) else None, flight.task.host, own)
+    if len(log.law_failures):
+        return float("inf")
     return cost_of(experiments.measure(log, scenario, result, flight.experiment), flight.experiment)
 
 

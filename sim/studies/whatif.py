@@ -74,9 +74,10 @@ class Trust:
 class WhatIf:
     """The recorded flight, the same flown again under its own law, and the other.
 
-    figures: their numbers, in that order (`figures`); parts: what the first was taken apart into.
+    name: of the log; figures: their numbers, in that order (`figures`); parts: what the first was taken apart into.
     """
 
+    name: str
     recorded: Side
     again: Side
     other: Side
@@ -124,12 +125,14 @@ def what_if(flight: Flight, change: Change, name: str) -> WhatIf:
         flight, again, recorded = (_without(flight, change.without), _without(again, change.without),
                                    recorded.without(change.without))  # fmt: skip
     end_s = min((recorded.end_ns - T0_NS) * 1e-9, other.duration_s)
-    named = change.law.label if change.law is not None else f"{name}, changed"
+    titles = "recorded", "again", change.text
     was, back, would_be = (
-        _side(title, _until(each, end_s)) for title, each in ((name, flight), (f"{name}, again", again), (named, other))
+        _side(title, _until(each, end_s)) for title, each in zip(titles, (flight, again, other), strict=True)
     )
+    if would_be.summary.law_failures:
+        result = FlightResult.LAW_FAILED
     trust = tuple(_trust(recorded, was.flight, would_be.flight, k) for k in range(1, len(recorded.lab.vehicles)))
-    return WhatIf(was, back, would_be, tuple(map(figures, (was, back, would_be))), result, trust, recorded)
+    return WhatIf(name, was, back, would_be, tuple(map(figures, (was, back, would_be))), result, trust, recorded)
 
 
 def figures(side: Side) -> Mapping[str, float | None]:
@@ -143,7 +146,7 @@ def figures(side: Side) -> Mapping[str, float | None]:
     return {
         "formation_rms_m": summary.formation_rms_m,
         "formation_max_m": summary.formation_max_m,
-        "settle_s": float(lasted.mean()) if lasted.size else 0.0,
+        "settle_s": None if summary.law_failures else float(lasted.mean()) if lasted.size else 0.0,
         "vibration_m": summary.vibration_m,
         "altitude_rms_m": summary.altitude_rms_m,
         "min_separation_m": summary.min_separation_m,

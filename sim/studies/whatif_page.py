@@ -13,7 +13,7 @@ from analysis.page import Section, render
 from analysis.plots import style
 from analysis.plots.style import Drawing
 from analysis.quantity import FLIGHT, Quantity
-from formation.codes import GOOD_RESULTS
+from formation.codes import FlightResult
 from formation.messages import Phase
 from sim.studies.recorded import GUST_S
 from sim.studies.whatif import COMES_BACK, Trust, WhatIf, disturbance, spectrum
@@ -48,7 +48,7 @@ def lines(of: WhatIf) -> Iterator[str]:
     else:
         most = f"{100 * COMES_BACK:.0f} %"
         yield f"The recorded flight does NOT come back under its own law: RMS {share}, {most} at most. Trust nothing."
-    if of.result not in GOOD_RESULTS:
+    if of.result is FlightResult.ABORTED:
         yield f"The other flight ended after {of.other.flight.duration_s:.1f} s: {of.result}, by a rule of safety."
     for failure in of.other.flight.law_failures.messages:
         yield failure.text
@@ -70,11 +70,11 @@ def html(of: WhatIf) -> str:
         spectra = [_draw_known(of, trust) for trust in of.trust]
     back_text, *others = lines(of)
     known = page.table(("",), [(line,) for line in others])
-    name, other = of.recorded.name, of.other.name
+    name, other = of.name, of.other.name
     return render(
-        title=f"{name} under {other} · what if",
+        title=f"{name}: {other} · what if",
         kind="What if",
-        heading=f"{name}, flown again under {other}",
+        heading=f"{name}, flown again: {other}",
         facts="In the pictures the recorded flight is dark, the other coloured; times count from the entry into "
         "formation.",
         sections=(
@@ -96,7 +96,13 @@ def html(of: WhatIf) -> str:
 
 def _rows(of: WhatIf) -> Iterator[tuple[str, ...]]:
     for quantity in QUANTITIES:
-        yield quantity.heading, *(quantity.text(each[quantity.field]) for each in of.figures)
+        yield (
+            quantity.heading,
+            *(
+                "law failed" if side.summary.law_failures else quantity.text(each[quantity.field])
+                for side, each in zip(of.sides, of.figures, strict=True)
+            ),
+        )
 
 
 def _table(of: WhatIf) -> page.Table | None:

@@ -85,7 +85,7 @@ def t_ns(t_s: float) -> int:
 
 def written(path: Path, recipe: Recipe, metadata: Mapping[str, str] = METADATA, more: Iterable[Record] = ()) -> Path:
     """The flight and more records as a log."""
-    with LogWriter(path, dict(metadata), threaded=False) as log:
+    with LogWriter(path, dict(metadata), threaded=False, overwrite=True) as log:
         for record in sorted([*records(recipe), *more], key=lambda record: record.t_ns):
             log.write(record.topic, record.message, record.t_ns)
     return path

@@ -131,9 +131,8 @@ def test_a_body_s_place_less_its_slot_is_the_error(bag: Path) -> None:
 
 def test_a_folder_that_is_there_is_left_alone(log: Path, bag: Path) -> None:
     before = sorted(path.stat().st_mtime_ns for path in bag.iterdir())
-    result = CliRunner().invoke(app, ["export", str(log), "--rosbag2"])
-    assert result.exit_code == 2
-    assert "exists" in result.output
+    result = CliRunner().invoke(app, ["export", str(log), "--rosbag2", "--json"])
+    assert json.loads(result.stdout)["folder"] == f"{bag}-2"
     assert sorted(path.stat().st_mtime_ns for path in bag.iterdir()) == before
 
 

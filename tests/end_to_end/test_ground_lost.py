@@ -21,6 +21,7 @@ from sim.script import Operator
 from tests.end_to_end.flights import CIRCLE, REORDERED, SPEED, check_order, write_scenario
 from tests.wire.flight import check_log
 from wire.clock import Clock
+from wire.files import recorded
 from wire.logs.mcap_read import read_log
 
 pytestmark = [pytest.mark.processes, pytest.mark.flights, pytest.mark.timeout(900)]
@@ -105,8 +106,8 @@ def test_every_drone_stops_and_lands_by_itself_and_the_log_is_whole_to_the_last_
         watched, killed_ns = asyncio.run(fly_and_kill(scenario.model_copy(update={"lab": lab}), files))
 
     check_order(tmp_path)
-    entries = list(read_log(files.mcap).entries)
-    assert not check_log(files.mcap).complete
+    entries = list(read_log(recorded(files.mcap)).entries)
+    assert not check_log(recorded(files.mcap)).complete
     # 50 ms on a machine with a core to spare; the bound leaves room for a busy one.
     assert 0 <= killed_ns - entries[-1].t_ns < 1_000_000_000
     for sysid in SYSIDS:

@@ -25,7 +25,7 @@ def frame(seq: int) -> m.LabFrame:
 def record(path: Path, frames: int, *, threaded: bool = False) -> list[tuple[str, int, object]]:
     """Write a flight and say what was written: (topic, t_ns, message), in order."""
     written: list[tuple[str, int, object]] = []
-    with LogWriter(path, METADATA, threaded=threaded) as log:
+    with LogWriter(path, METADATA, threaded=threaded, overwrite=True) as log:
 
         def put(topic: topics.Topic, message: object, t_ns: int) -> None:
             log.write(topic, message, t_ns)

@@ -20,7 +20,7 @@ from formation.clock_pair import ClockPair
 from formation.maths.arrays import Bool
 from formation.topics import Topic
 from wire.columns import Column, Gathered, Index, joined, windows
-from wire.logs.mcap_scan import Damage, LogError, Messages, scan
+from wire.logs.mcap_scan import Damage, LogError, Messages, NoFlightError, scan
 from wire.schema import SchemaError, Written, schema_of
 
 if TYPE_CHECKING:  # what looks at arrays alone waits for no configuration
@@ -159,7 +159,8 @@ def read_log(path: Path) -> Log:
 
 def holds_nothing(path: Path, damage: str = "") -> LogError:
     """The error of a file in which no message of a flight is found: nothing read is no result."""
-    return LogError(f"{path}: no message of a flight in it" + (f": {damage}" if damage else ""))
+    kind = LogError if damage else NoFlightError
+    return kind(f"{path}: no message of a flight in it" + (f": {damage}" if damage else ""))
 
 
 def read_columns(path: Path, wanted: Mapping[Topic, Collection[str]]) -> LogColumns:

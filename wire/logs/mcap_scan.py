@@ -50,6 +50,10 @@ class LogError(ValueError):
     """A file that holds no log at all, or a message in it that is none."""
 
 
+class NoFlightError(LogError):
+    """A sound file without a flight: a ground's that ended before its first frame, or another program's."""
+
+
 @dataclass(frozen=True, slots=True)
 class Messages:
     """The records inside a chunk whose checksum was right."""

@@ -44,7 +44,7 @@ from formation.clock_pair import SIMULATED, ClockPair
 from formation.messages import PhaseChange
 from formation.topics import Drop, Topic
 from wire.clock import Clock
-from wire.files import private
+from wire.files import finish_log, new_log, private
 from wire.logs.mcap_read import START_MONOTONIC, START_UNIX, lab_of
 from wire.logs.views import CALM, Views
 from wire.process.system import lower_priority
@@ -260,19 +260,24 @@ class LogWriter:
         start: ClockPair = SIMULATED,
         threaded: bool = True,
         share: Share | None = None,
+        overwrite: bool = False,
     ) -> None:  # fmt: skip
         """Create the file (OSError), its owner's alone, with the metadata record "run" first.
 
-        start: which date the stamps begin at; simulated time's own unless said. `threaded=False` writes in line.
-        share: called with each chunk that was written, where it was written: in the log's own thread.
+        `path` names it once it is closed and whole, until then `wire.files.partial`; both with the next free number
+        where one is taken, unless overwrite. start: which date the stamps begin at; simulated time's own unless said.
+        `threaded=False` writes in line. share: called with each chunk that was written, where it was written: in the
+        log's own thread.
         """
-        self.path = path
+        self._whole, self.path = new_log(path, overwrite)
+        """`path`: where it is now."""
+        self._overwrite = overwrite
+        self._stream = FileIO(self.path, "w", opener=private)
         self.failure: OSError | None = None
         self.lost = 0
         self._sequence = 0
         self._pending: deque[Stored] = deque()
         self._writing_ns: int | None = None  # the stamp of the oldest message of the chunk being written
-        self._stream = FileIO(path, "w", opener=private)
         self._share = share
         self._ahead_ns = start.ahead_ns
         self._index = TemporaryFile(dir=path.parent, buffering=0)  # noqa: SIM115 (`close` closes it)
@@ -338,6 +343,7 @@ class LogWriter:
             self._index.close()
         if self.failure is not None:
             raise self.failure
+        self.path = finish_log(self.path, self._whole, self._overwrite)
 
     def _open(self, topic: Topic) -> tuple[int, Callable[[Any], bytes]]:
         schema = schema_of(topic.type)

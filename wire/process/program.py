@@ -122,6 +122,10 @@ COLOURS = {"WARNING": "yellow", "ERROR": "red", "CRITICAL": "bright_red", "EMERG
 Name = Annotated[str, typer.Option("--name", help="Which ground of the lab.")]
 Speed = Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
+Overwrite = Annotated[
+    bool,
+    typer.Option("--overwrite", help="Write over what is there; else the next free name is taken, or it is refused."),
+]
 Insecure = Annotated[
     bool, typer.Option("--insecure", help="Simulation only: open links to other machines without any keys.")
 ]

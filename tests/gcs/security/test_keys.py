@@ -203,9 +203,10 @@ def test_new_keys_begin_new_stamps(lab: Path) -> None:
     assert mended.clock.floor == 0
 
 
-def install_over(line: str, code: int = 0) -> str:
+def install_over(line: str, *more: str, code: int = 0) -> str:
     """The output of an installation over a serial line."""
-    return gcs("install", "drone-2.keys", "--keys", "there", "--sysid", "2", "--serial", f"{line}:57600", code=code)
+    words = "install", "drone-2.keys", "--keys", "there", "--sysid", "2", "--serial", f"{line}:57600"
+    return gcs(*words, *more, code=code)
 
 
 def test_the_autopilot_is_given_its_key_over_a_serial_line_and_proves_it(lab: Path) -> None:
@@ -232,8 +233,10 @@ def test_an_autopilot_with_a_key_takes_the_next_one_from_a_packet_that_the_old_o
     with on_a_line(autopilot) as line:
         install_over(line)
         gcs("rotate", "drone-2")
-        gcs("pack", "drone-2")
-        said = install_over(line)
+        assert "--overwrite writes over it" in gcs("pack", "drone-2", code=2)
+        gcs("pack", "drone-2", "--overwrite")
+        assert "--overwrite writes over it" in install_over(line, code=2)
+        said = install_over(line, "--overwrite")
     assert "it obeys what is signed, and nothing that is not" in said
     keys = {bytes(message.secret_key) for message in autopilot.received}
     assert len(keys) == 2

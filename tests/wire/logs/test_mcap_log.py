@@ -21,6 +21,7 @@ from formation import topics
 from tests.wire import flight as wire_flight
 from tests.wire.flight import check_log
 from tests.wire.spine import SPINE, assert_column, assert_identical
+from wire.files import recorded
 from wire.logs.mcap_read import read_columns, read_log
 from wire.logs.mcap_scan import LogError
 from wire.logs.mcap_write import LogWriter
@@ -73,7 +74,7 @@ RECORDED = [topic for topic in topics.ALL if topic not in (topics.MOCAP, topics.
 @given(st.tuples(*(SPINE[topic.type] for topic in RECORDED)), st.integers(0, 2**63))
 def test_every_topic_is_recorded_bit_for_bit(tmp_path, messages, t_ns):
     path = tmp_path / "one.mcap"
-    with LogWriter(path, {}, threaded=False) as log:
+    with LogWriter(path, {}, threaded=False, overwrite=True) as log:
         for topic, message in zip(RECORDED, messages, strict=True):
             log.write(topic, message, t_ns)
     read = entries_of(path)
@@ -228,7 +229,8 @@ def test_kill_9_costs_only_the_newest_moments(tmp_path):
         lines += process.stdout.readlines()
     assert process.returncode == -signal.SIGKILL
     logged = [int(line) for line in lines if line.endswith("\n")]
-    check = check_log(path)
+    assert recorded(path) == tmp_path / "killed.partial.mcap"  # it is not whole, and does not look so
+    check = check_log(recorded(path))
     assert not check.complete
     assert check.first_ns == logged[0]
     # 50 ms on a machine with a core to spare (chunks every 20 ms); the bound leaves room for a busy one.
@@ -274,7 +276,7 @@ def test_a_full_disk_is_trouble_in_words_at_once(tmp_path):
     log._file._stream = _Disk(OSError(errno.ENOSPC, "No space left on device"))
     log.write(topics.TICK, m.Tick(7), 7)
     log._drain()
-    assert log.trouble(8) == "nothing more is recorded in flight.mcap: No space left on device"
+    assert log.trouble(8) == "nothing more is recorded in flight.partial.mcap: No space left on device"
     with pytest.raises(OSError, match="No space left"):
         log.close()
     assert log.lost == 1
@@ -286,7 +288,7 @@ def test_a_slow_disk_is_trouble_after_half_a_second_and_none_once_it_has_caught_
     log.write(topics.TICK, m.Tick(7), 1_000_000_000)
     assert disk.entered.wait(30.0)
     assert log.trouble(1_500_000_000) == ""
-    assert "flight.mcap is too slow" in log.trouble(1_500_000_001)
+    assert "flight.partial.mcap is too slow" in log.trouble(1_500_000_001)
     log._file._stream = stream
     disk.go_on.set()
     log.close()

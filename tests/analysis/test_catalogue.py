@@ -1,6 +1,7 @@
 """A folder of logs as a list: each flight a row, the damaged named, for people, JSON and SQLite alike."""
 
 import json
+import os
 import sqlite3
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from typer.testing import CliRunner
 
 from analysis.cli import app
 from tests.analysis.synthetic_flight import METADATA, Recipe, written
+from wire.files import partial
+from wire.logs.mcap_write import LogWriter
 
 
 @pytest.fixture(scope="module")
@@ -50,10 +53,12 @@ def test_people_get_a_line_each_and_a_folder_without_logs_is_named(folder: Path,
 
 
 def test_the_oldest_whole_logs_go_until_the_others_fit(tmp_path: Path) -> None:
+    """All are of simulated time, whose date is none: what counts is when they were written."""
     sizes = {}
     for day in (3, 1, 2):
         path = tmp_path / f"{day}.mcap"
-        written(path, Recipe(), METADATA | {"date": f"2026-01-0{day}T00:00:00+00:00"})
+        written(path, Recipe(), METADATA)
+        os.utime(path, (1_767_200_000 + 86_400 * day,) * 2)
         sizes[path.name] = path.stat().st_size
     (tmp_path / "other.mcap").write_text("no log\n")
     kept = f"{sizes['3.mcap'] / 1e3 + sizes['2.mcap'] / 1e3 + 1.0}KB"
@@ -62,3 +67,18 @@ def test_the_oldest_whole_logs_go_until_the_others_fit(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["2.mcap", "3.mcap", "other.mcap"]
     assert CliRunner().invoke(app, ["list", str(tmp_path), "--keep", "all"]).exit_code == 2
     assert len(list(tmp_path.iterdir())) == 3
+    newest = json.loads(CliRunner().invoke(app, ["list", str(tmp_path), "--json"]).stdout)[1]
+    assert (newest["date"], newest["simulated"]) == ("2026-01-03T16:53:20Z", "2000-01-01T00:00:00Z")
+
+
+def test_what_we_wrote_is_not_called_damaged(tmp_path: Path) -> None:
+    """A log that is being recorded, one of a ground that ended before its first frame, and another program's."""
+    whole = written(tmp_path / "a.mcap", Recipe(), METADATA).read_bytes()
+    partial(tmp_path / "b.mcap").write_bytes(whole[: len(whole) // 2])
+    LogWriter(tmp_path / "c.mcap", METADATA, threaded=False).close()
+    done = CliRunner().invoke(app, ["list", str(tmp_path), "--json", "--keep", "1KB"])
+    assert (done.exit_code, done.stderr) == (0, f"deleted {tmp_path / 'a.mcap'}\n")
+    rows = json.loads(done.stdout)
+    assert [(row["damage"], row["unfinished"], row["outcome"] is None) for row in rows] == [
+        ("", False, False), ("", True, False), ("", False, True)
+    ]  # fmt: skip

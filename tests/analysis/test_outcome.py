@@ -14,7 +14,7 @@ from analysis.cli import app
 from analysis.load import from_records
 from analysis.outcome import outcome
 from formation import topics
-from formation.messages import Datagram, LabFrame, Phase, PhaseChange
+from formation.messages import Datagram, LabFrame, OperatorReply, OperatorRequest, Phase, PhaseChange, Verb
 from gcs.drones.protocols import cut
 from tests.analysis.synthetic_flight import END_S, LAB, METADATA, PHASES, T0_NS, Recipe, Record, records, t_ns, written
 from wire.link_messages import DRONE_COMPONENT, GROUND, Address, Heartbeat, MavAutopilot
@@ -89,6 +89,26 @@ def test_the_report_of_a_flight_that_did_not_land_fails(tmp_path: Path, monkeypa
     done = CliRunner().invoke(app, ["report", str(log), "--json"])
     ended = json.loads(done.stdout)["outcome"]
     assert (done.exit_code, done.stderr) == (1, f"gcs-log: {ended}\n")
+
+
+@pytest.mark.parametrize(
+    ("asked", "accepted", "ended"),
+    [
+        (OperatorRequest(7, Verb.LAND), True, "landed"),
+        (OperatorRequest(7, Verb.LAND, "left"), True, "aborted: body right unseen"),
+        (OperatorRequest(7, Verb.LAND), False, "aborted: body right unseen"),
+    ],
+)
+def test_a_landing_is_asked_for_by_a_request_of_all_that_was_not_rejected(
+    asked: OperatorRequest, accepted: bool, ended: str
+) -> None:
+    phases = tuple((t_s, phase, "body right unseen" if phase is Phase.LAND else cause) for t_s, phase, cause in PHASES)
+    more = (asked, OperatorReply(7, accepted, ""))
+    entries = [
+        Record(topic, t_ns(15.5), message) for topic, message in zip((topics.REQUEST, topics.REPLY), more, strict=True)
+    ]
+    flown = [*records(Recipe(phases=phases, requests=())), *entries]
+    assert str(outcome(from_records(METADATA, sorted(flown, key=lambda each: each.t_ns)))) == ended
 
 
 @pytest.mark.parametrize(("at_s", "ended"), [(12.0, "cut: left: motors cut at 0.30 m"), (18.99, "landed")])

@@ -17,7 +17,6 @@ from wire.link_messages import CommandLong, LandedState
 
 STREAM_FIRST_NS = 1_200_000_000  # PX4 wants a second of setpoints before it changes to off-board
 HOLD_OFF_NS = 1_000_000_000  # an answer stands until the next heartbeat can confirm it
-CUT_HOLD_OFF_NS = 100_000_000
 WORDS_NS = 300_000_000  # an autopilot's reasons come beside its answer, before it or after
 TOUCH_NS = 300_000_000
 GONE_NS = 5_000_000_000
@@ -59,7 +58,7 @@ class Drone:
     checked: its parameters have been read and wrong ones reported. lifted: seen off the floor since it was
     last armed. height_m: above where it stood, NaN unless that was seen. flying_thrust_norm: what it has been flying
     with of late, 0 before it flew. piloted: a pilot has taken it over, it is left alone. landing_itself: its
-    autopilot was seen to land since it was commanded to. stopped_ns: when it confirmed its cut motors.
+    autopilot was seen to land since it was commanded to. stopped_ns: when it reported its cut motors off.
     slow_height_m: height_m some time before slow_since_ns, in a landing. last_seen_lab_m: where the mocap last saw it
     while the swarm flew.
     """
@@ -203,19 +202,14 @@ class Drone:
             self.link.commands.calm()
             return
         since_ns = now_ns - self.goal_since_ns
-        if self.goal is Goal.CUT and self.stopped_ns is None and (self.reached or self._cut_accepted):
-            self.stopped_ns = now_ns
+        if self.goal is Goal.CUT:  # an acknowledgement may be another command's; armed again is not stopped
+            self.stopped_ns = (self.stopped_ns or self.link.heartbeat_ns) if self.reached else None
         if self.goal is Goal.DISARM and not self.reached:
             if self.touched and self.link.telemetry.landed in AIRBORNE_STATES and since_ns < OWN_LANDING_NS:
                 return  # it would refuse: its own landing detector has not seen yet what the mocap saw
             if since_ns > REJECTED_DISARM_NS:
                 self._force_disarm(now_ns)
         pursue(self.goal, self.link, self.goal_since_ns, now_ns)
-
-    @property
-    def _cut_accepted(self) -> bool:
-        answer = self.link.commands.answers.get(cut(self.link.target))
-        return answer is not None and answer.accepted and answer.t_ns >= self.goal_since_ns
 
     def _force_disarm(self, now_ns: int) -> None:
         """Force the disarm if the landed state, or the height by the mocap, confirms the landing; else release it."""
@@ -341,13 +335,10 @@ def pursue(goal: Goal, link: DroneLink, since_ns: int, now_ns: int) -> None:
         command = command if now_ns - since_ns >= STREAM_FIRST_NS else None
     if command is None:
         return
-    hold_off_ns = CUT_HOLD_OFF_NS if goal is Goal.CUT else HOLD_OFF_NS
     answer = link.commands.answers.get(command)
-    if answer is not None and now_ns - answer.t_ns < hold_off_ns:
-        return
     if goal is Goal.CUT:
         link.commands.urge(command)
-    else:
+    elif answer is None or now_ns - answer.t_ns >= HOLD_OFF_NS:
         link.commands.ask(command)
 
 

@@ -42,6 +42,7 @@ from wire.link_messages import (
     LocalPosition,
     MavAutopilot,
     MavCommand,
+    MessageId,
     NamedValue,
     Origin,
     ParamValue,
@@ -50,6 +51,7 @@ from wire.link_messages import (
     StatusText,
     SysStatus,
     TimeSync,
+    command_long,
 )
 from wire.mavlink.codec import Codec
 from wire.rejections import RejectionLog
@@ -280,6 +282,10 @@ class DroneLink:
                 if message.command == MavCommand.COMPONENT_ARM_DISARM and message.result is Result.ACCEPTED:
                     self.armed_clock.accept(now_ns)
                 self.commands.receive(message, now_ns)
+                if message.command == MavCommand.COMPONENT_ARM_DISARM and self.commands.urgent_ns is not None:
+                    # Its heartbeat alone ends a motor cut; the next by itself may be a second away.
+                    heartbeat = float(MessageId.HEARTBEAT)
+                    self._answers.append(command_long(self.target, MavCommand.REQUEST_MESSAGE, heartbeat))
             case TimeSync():
                 if message.tc1_ns:
                     self._overhear(message.target, now_ns)

@@ -29,6 +29,7 @@ COMMAND_RETRY_NS = 250_000_000
 URGENT_RETRY_NS = 10_000_000
 PROGRESS_NS = 3_000_000_000
 COMMAND_TRIES = 8
+LATE_ACK_NS = 1_000_000_000  # a later acknowledgement counts as lost: half of the time for which a command is repeated
 PARAMETER_RETRY_NS = 400_000_000
 PARAMETER_TRIES = 6
 PARAMETERS_AT_ONCE = 4
@@ -82,8 +83,21 @@ class Answer:
 
 
 @dataclass(slots=True)
+class _Sent:
+    """One sending of a command: its number, which start of a command it belongs to, until when its answer may come."""
+
+    number: int
+    start: int
+    until_ns: int
+
+
+@dataclass(slots=True)
 class CommandChannel:
-    """COMMAND_LONG with COMMAND_ACK (MAVLink command protocol). An unanswered command is given up after eight tries."""
+    """COMMAND_LONG with COMMAND_ACK (MAVLink command protocol). An unanswered command is given up after eight tries.
+
+    An acknowledgement has the command's number and none of its parameters: arming, disarming and the motor cut share
+    one, and so do all message intervals. It answers the oldest command of that number that is not answered yet.
+    """
 
     answers: dict[CommandLong, Answer] = field(default_factory=dict)
     urgent_retry_ns: int = URGENT_RETRY_NS
@@ -94,6 +108,9 @@ class CommandChannel:
     _tries: int = 0
     _retry_at_ns: int = 0
     _urgent: bool = False
+    _start_count: int = 0
+    _sent: deque[_Sent] = field(default_factory=deque)
+    """What was sent and not answered, the oldest first."""
 
     def ask(self, command: CommandLong) -> None:
         """Queue a command unless it is already on its way."""
@@ -112,7 +129,7 @@ class CommandChannel:
         self._urgent = True
 
     def calm(self) -> None:
-        """End the urgent command, whether or not it was answered."""
+        """End the urgent command: nothing else ends it, no answer either."""
         if self._urgent:
             self.current, self._urgent = None, False
 
@@ -122,13 +139,21 @@ class CommandChannel:
         return self._retry_at_ns if self._urgent else None
 
     def receive(self, ack: CommandAck, now_ns: int) -> None:
-        """The drone's answer to the command in flight; answers to others' commands are not ours."""
-        if self.current is None or ack.command != self.current.command:
+        """The drone's answer to the command in flight, or to one before; answers to others' commands are not ours."""
+        sent = next((s for s in self._sent if s.number == ack.command and now_ns <= s.until_ns), None)
+        if sent is None:
             return
-        if ack.result is Result.IN_PROGRESS:
+        in_progress = ack.result is Result.IN_PROGRESS
+        if in_progress:
+            sent.until_ns = now_ns + PROGRESS_NS
+        else:
+            self._sent.remove(sent)
+        if self._urgent or self.current is None or sent.start != self._start_count:
+            return
+        if in_progress:
             self._retry_at_ns = now_ns + PROGRESS_NS
-            return
-        self._finish(Answer(ack.result, now_ns))
+        else:
+            self._finish(Answer(ack.result, now_ns))
 
     def due(self, now_ns: int) -> CommandLong | None:
         """The command to send now, if any."""
@@ -142,10 +167,14 @@ class CommandChannel:
         confirmation = min(self._tries, 255)
         self._tries += 1
         self._retry_at_ns = now_ns + (self.urgent_retry_ns if self._urgent else COMMAND_RETRY_NS)
+        while self._sent and self._sent[0].until_ns < now_ns:
+            self._sent.popleft()
+        self._sent.append(_Sent(self.current.command, self._start_count, now_ns + LATE_ACK_NS))
         return replace(self.current, confirmation=confirmation)
 
     def _start(self, command: CommandLong) -> None:
         self.current, self._tries, self._retry_at_ns, self._urgent = command, 0, 0, False
+        self._start_count += 1
 
     def _finish(self, answer: Answer) -> None:
         if self.current is not None:

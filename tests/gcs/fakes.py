@@ -30,6 +30,7 @@ from wire.link_messages import (
     LinkMessage,
     LocalPosition,
     MavAutopilot,
+    MessageId,
     ParamRequestRead,
     ParamType,
     ParamValue,
@@ -123,6 +124,8 @@ class FakeDrone:
                 self.mode = int(command.params[1]) << 16 if px4 else int(command.params[1])
             case 21:
                 self.mode = self.land
+            case 512 if command.params[0] == MessageId.HEARTBEAT:
+                self._beat_ns = 0
             case 32100:
                 if not self.knows_owners:
                     return Result.UNSUPPORTED

@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from gcs.drones.protocols import CommandChannel, ParameterReader, arm, cut, disarm, land
+from gcs.drones.protocols import CommandChannel, ParameterReader, arm, cut, disarm, land, stream
 from wire.link_messages import Address, CommandAck, MavAutopilot, MavCommand, ParamType, ParamValue, Result
 
 DRONE = Address(3, 1)
@@ -144,3 +144,62 @@ def test_what_nobody_asked_for_is_not_kept():
     for k in range(5000):
         assert reader.receive(_value(f"P{k}", struct.pack("<i", 1), ParamType.INT32), armed=False)
     assert (reader.values, reader.due(0)) == ({}, [])
+
+
+@pytest.mark.parametrize("result", [Result.ACCEPTED, Result.DENIED, Result.IN_PROGRESS])
+def test_no_answer_ends_or_delays_a_motor_cut(result):
+    """Arming, disarming and the cut share a number: a late answer to `arm` looks like one to the cut."""
+    channel = CommandChannel()
+    channel.ask(arm(DRONE))
+    channel.due(0)
+    channel.urge(cut(DRONE))
+    assert channel.due(MS).params[:2] == (0.0, 21196.0)
+    for ms in (2, 3):
+        channel.receive(_ack(400, result), ms * MS)
+    assert channel.urgent_ns == 11 * MS
+    assert channel.due(11 * MS).params[:2] == (0.0, 21196.0)
+    assert channel.answers == {}
+
+
+def test_an_answer_counts_for_the_oldest_command_of_its_number():
+    """The first of two intervals is sent twice and answered twice; the second is lost, and has to be sent again."""
+    channel, one, other = CommandChannel(), stream(DRONE, 30, 50.0), stream(DRONE, 32, 50.0)
+    channel.ask(one)
+    channel.ask(other)
+    assert [channel.due(ms * MS).params[0] for ms in (0, 250)] == [30.0, 30.0]
+    channel.receive(_ack(511), 260 * MS)
+    assert channel.due(261 * MS).params[0] == 32.0
+    channel.receive(_ack(511), 262 * MS)
+    assert set(channel.answers) == {one}
+    assert channel.due(511 * MS).params[0] == 32.0
+    channel.receive(_ack(511), 520 * MS)
+    channel.receive(_ack(511), 530 * MS)
+    assert channel.answers[other].accepted
+
+
+def test_an_answer_to_a_refused_command_is_not_that_of_the_same_command_asked_again():
+    channel = CommandChannel()
+    channel.ask(arm(DRONE))
+    assert channel.due(0) is not None
+    assert channel.due(250 * MS) is not None
+    channel.receive(_ack(400, Result.DENIED), 300 * MS)
+    channel.reset_answer(arm(DRONE))
+    channel.ask(arm(DRONE))
+    assert channel.due(310 * MS) is not None
+    channel.receive(_ack(400, Result.DENIED), 320 * MS)
+    assert arm(DRONE) not in channel.answers
+    channel.receive(_ack(400), 330 * MS)
+    assert channel.answers[arm(DRONE)].accepted
+
+
+def test_answers_that_were_lost_keep_no_later_command_waiting_for_more_than_a_second():
+    channel = CommandChannel()
+    channel.ask(disarm(DRONE))
+    for ms in range(0, 2500, 10):
+        channel.due(ms * MS)
+    channel.ask(arm(DRONE))
+    for ms in range(2500, 4500, 10):
+        if channel.due(ms * MS) is not None:
+            channel.receive(_ack(400), ms * MS)
+    assert channel.answers[arm(DRONE)].accepted
+    assert channel.answers[arm(DRONE)].t_ns <= 3500 * MS

@@ -8,7 +8,7 @@ from formation.config import VehicleBody
 from formation.vehicle.profile import profile
 from gcs.drones.drone import Drone, Goal
 from gcs.drones.link_state import DroneLink
-from wire.link_messages import Address, CommandAck, CommandLong, Heartbeat, MavAutopilot, Result
+from wire.link_messages import Address, CommandAck, CommandLong, Heartbeat, MavAutopilot, MavCommand, Result
 from wire.mavlink.codec import Codec
 
 MS = 1_000_000
@@ -65,7 +65,11 @@ class Trial:
             self._drone.link.receive(data, now_ns)
             return
         for packet in self._codec.receive(data):
-            if isinstance(packet.message, CommandLong):
+            if not isinstance(packet.message, CommandLong):
+                continue
+            if packet.message.command == MavCommand.REQUEST_MESSAGE:
+                self._send(now_ns, "up", self._codec.encode(self._heartbeat()))
+            else:
                 self._armed = False
                 self.cut_ns = now_ns if self.cut_ns is None else self.cut_ns
                 self._send(now_ns, "up", self._codec.encode(CommandAck(packet.source, 400, Result.ACCEPTED)))

@@ -1,0 +1,41 @@
+"""A motor cut as one drone is asked for it: repeated until the drone's own heartbeat says that its motors are off."""
+
+from gcs.drones.drone import Drone, Goal
+from gcs.drones.link_state import DroneLink
+from tests.gcs.link import MS, a_link, beat
+from tests.gcs.link import Drone as Autopilot
+from wire.link_messages import GROUND, CommandAck, CommandLong, MavCommand, Result
+
+
+def _sent(drone: Drone, link: DroneLink, now_ms: int) -> list[tuple[int, float, float]]:
+    """The commands that are sent at that time: number and first two parameters."""
+    drone.pursue(now_ms * MS)
+    return [(m.command, *m.params[:2]) for m in link.due(now_ms * MS) if isinstance(m, CommandLong)]
+
+
+CUT = (400, 0.0, 21196.0)
+ASKS_HEARTBEAT = (MavCommand.REQUEST_MESSAGE, 0.0, 0.0)
+
+
+def test_a_heartbeat_alone_ends_a_motor_cut_and_dates_it():
+    link, autopilot = a_link(), Autopilot()
+    drone = Drone(0, link)
+    autopilot.say(link, beat(armed=True), 0)
+    _sent(drone, link, 5)
+    drone.aim(Goal.CUT, 10 * MS)
+    assert _sent(drone, link, 10) == [CUT]
+    autopilot.say(link, CommandAck(GROUND, 400, Result.ACCEPTED), 12 * MS)  # of `arm`, asked for just before
+    for ms in range(20, 500, 10):
+        sent = _sent(drone, link, ms)
+        assert CUT in sent
+        assert (ASKS_HEARTBEAT in sent) == (ms == 20)
+        assert drone.stopped_ns is None
+    autopilot.say(link, beat(armed=False), 503 * MS)
+    assert _sent(drone, link, 510) == []
+    assert drone.stopped_ns == 503 * MS
+    autopilot.say(link, beat(armed=False), 1503 * MS)
+    assert _sent(drone, link, 1510) == []
+    assert drone.stopped_ns == 503 * MS
+    autopilot.say(link, beat(armed=True), 2503 * MS)  # another ground, or a pilot
+    assert _sent(drone, link, 2510) == [CUT]
+    assert drone.stopped_ns is None

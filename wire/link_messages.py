@@ -375,7 +375,7 @@ class SysStatus(NamedTuple):
 
 
 class Battery(NamedTuple):
-    """BATTERY_STATUS (147), one pack; remaining 0..1."""
+    """BATTERY_STATUS (147) of the first pack, by which it flies; remaining 0..1."""
 
     cell_v: tuple[float, ...]
     current_a: float

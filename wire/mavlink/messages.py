@@ -41,6 +41,7 @@ _ACCELEROMETER, _GYROSCOPE = 0x07, 0x38
 _BODY_FRD = 12
 _HEADING_UNKNOWN, _NO_CELL = 65535, 65535
 _LIPO, _ALL_SYSTEMS, _TEMPERATURE_UNKNOWN = 1, 1, 32767
+_NOT_TO_FLY_BY = (3, 4)  # MAV_BATTERY_FUNCTION_AVIONICS, _PAYLOAD
 _NO_ATTITUDE, _NO_THRUST = int(Ignore.ATTITUDE), int(Ignore.THRUST)  # plain, for every packet
 _PARAM_NAME = re.compile(r"[A-Za-z0-9_]{1,16}")
 
@@ -306,7 +307,10 @@ def _write_battery(b: m.Battery) -> Written:
     return BATTERY_STATUS, (*kind, *first, *used, _count(b.remaining, 1e2, -1), 0, 0, *more, 0, 0)
 
 
-def _read_battery(f: Fields) -> m.Battery:
+def _read_battery(f: Fields) -> m.Battery | m.UnknownMessage:
+    """Of the first battery alone, where it is one to fly by: of another's charge nothing follows for the flight."""
+    if f[0] != 0 or f[1] in _NOT_TO_FLY_BY:
+        return m.UnknownMessage(BATTERY_STATUS.id)
     cells = [v * 1e-3 for v in f[4:14] if v != _NO_CELL] + [v * 1e-3 for v in f[20:24] if v]
     used = (_read_count(f[14], 1e2, -1), _read_count(f[15], 1.0, -1))
     return m.Battery(tuple(cells), *used, _read_count(f[17], 1e2, -1))

@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import common as mavlink
 
 from formation.config import VehicleBody
 from formation.messages import Severity
@@ -255,3 +256,17 @@ def test_a_flood_of_questions_is_answered_as_often_as_something_is_sent():
     for k in range(1000):
         drone.say(link, TimeSync(0, k, GROUND), 7)
     assert [m.ts1_ns for m in link.due(8) if isinstance(m, TimeSync) and m.tc1_ns == 7] == [998, 999]
+
+
+@pytest.mark.parametrize(("number", "function"), [(1, 1), (0, 3), (0, 4)])
+def test_the_charge_of_another_battery_than_the_one_to_fly_by_is_not_its(number: int, function: int):
+    """A payload's empty battery would land the swarm; a full one would hide that the drone's own is empty."""
+    link, drone = a_link(), Drone()
+    drone.say(link, Battery((3.9,), 4.0, 10.0, 0.5))
+    sender = mavlink.MAVLink(None, srcSystem=3, srcComponent=1)
+    volts = [3000] + [65535] * 9
+    other = mavlink.MAVLink_battery_status_message(
+        number, function, 1, 32767, volts, -1, -1, -1, 5, 0, 0, [0] * 4, 0, 0
+    )
+    link.receive(other.pack(sender), 0)
+    assert (link.telemetry.battery, round(link.telemetry.battery_v, 2)) == (0.5, 3.9)

@@ -38,8 +38,9 @@ def address_in(path: Path) -> LabAddress:
         raise ConfigError([f"{path}: name: is not text (it is {lab!r})"])
     if not isinstance(link, dict):
         raise ConfigError([f"{path}: link: is not a table"])
-    connect = _endpoints(path, link, "zenoh_connect", (ENDPOINT,))
-    return LabAddress(lab, connect or _endpoints(path, link, "zenoh_listen", ()), _keys(path, values.get("security")))
+    listen = _endpoints(path, link, "zenoh_listen", ())
+    connect = _endpoints(path, link, "zenoh_connect", () if listen else (ENDPOINT,))
+    return LabAddress(lab, connect or listen, _keys(path, values.get("security")))
 
 
 def address_near(path: Path | None) -> LabAddress:

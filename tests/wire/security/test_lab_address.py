@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from formation.config import LinkConfig
 from wire.errors import ConfigError
 from wire.transport.lab_address import LabAddress, address_in, address_near
 
@@ -21,6 +22,17 @@ def test_a_file_says_where_the_keys_are(tmp_path: Path) -> None:
     path.write_text(LINK + "[security]\nkeys = 7\n")
     with pytest.raises(ConfigError, match=r"security\.keys"):
         address_in(path)
+
+
+def test_where_the_ground_listens_is_where_the_others_connect(tmp_path: Path) -> None:
+    """Else the stop goes to another port than the ground's."""
+    path, here = tmp_path / "lab.toml", "tcp/127.0.0.1:7448"
+    path.write_text(f'[link]\nzenoh_listen = ["{here}"]\n')
+    assert address_in(path).endpoints == (here,)
+    link = LinkConfig(zenoh_listen=(here,))
+    assert (link.joined.zenoh_connect, link.zenoh_connect, link.names_bus) == ((here,), (), True)
+    router = LinkConfig(zenoh_listen=(here,), zenoh_connect=("tcp/127.0.0.1:7447",))
+    assert router.joined.zenoh_connect == ("tcp/127.0.0.1:7447",)  # asked for in so many words
 
 
 def test_without_a_file_the_lab_here_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

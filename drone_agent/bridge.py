@@ -84,7 +84,7 @@ async def run_bridge(config: BridgeConfig, report: EventSink, clock: Clock = REA
 
     Raises OSError where a port cannot be had, ConfigError where `bridge` is no address of an autopilot.
     """
-    stop, protection, autopilot = Stop(), drone_protection(config), config.bridge
+    stop, protection, autopilot = Stop(report), drone_protection(config), config.bridge
     compile_all("drone-agent", warm_up, sys.stderr)
     config = config.model_copy(update={"inertial_rate_hz": min(config.inertial_rate_hz, imu_rate_limit_hz(autopilot))})
     core = GuardCore(config, clock.monotonic_ns())

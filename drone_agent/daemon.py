@@ -82,7 +82,7 @@ async def run(configs: Sequence[SimulatedDroneConfig], report: EventSink, clock:
 
     Raises OSError where a port is taken, ConfigError for parameters that are none, StarvedError.
     """
-    stop, rejections, protections = Stop(), RejectionLog(), [drone_protection(config) for config in configs]
+    stop, rejections, protections = Stop(report), RejectionLog(), [drone_protection(config) for config in configs]
     cores = [_core(config, clock) for config in configs]
     compile_all("drone-agent", lambda: _warm_up(cores, clock), sys.stderr)
     pumps = [_Pump(config, core, report, clock, rejections) for config, core in zip(configs, cores, strict=True)]

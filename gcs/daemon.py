@@ -13,6 +13,8 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from traceback import walk_tb
+from typing import Any
 
 import uvloop
 import zenoh
@@ -51,7 +53,17 @@ from wire.files import make_folder
 from wire.ground_state import Cycles, LogFile, encode
 from wire.logs.live import sharer
 from wire.logs.mcap_write import LogWriter, record_dates
-from wire.process.daemon import READY, EventSink, Precondition, Watchdog, bus_at, notify, report_missing
+from wire.process.daemon import (
+    READY,
+    EventSink,
+    LoopErrors,
+    Precondition,
+    Watchdog,
+    beside,
+    bus_at,
+    notify,
+    report_missing,
+)
 from wire.process.deadline import Deadline
 from wire.process.output import lost_lines
 from wire.process.program import fail, print_event, print_event_json
@@ -118,6 +130,8 @@ class Ground:
         self._tick_scheduled = False
         self._ticked = asyncio.Event()
         """Set by every tick; without frames the watchdog makes them."""
+        self._watched_ns, self._earlier = 0, asyncio.Event()
+        """Until when the watchdog sleeps, and an earlier deadline: of a motor cut that is to be repeated."""
         self._loop = asyncio.get_running_loop()
 
     def receive_frame(self, frame: LabFrame) -> None:
@@ -159,7 +173,9 @@ class Ground:
     async def watch(self) -> None:
         """Tick where a frame is overdue, which makes the tick late, or an answer waits, which does not; for ever."""
         while True:
-            await self._clock.sleep_until_ns(self._core.next_deadline_ns())
+            self._watched_ns = self._core.next_deadline_ns()
+            self._earlier.clear()
+            await self._clock.sleep_until_ns(self._watched_ns, self._earlier)
             now_ns = self._clock.monotonic_ns()
             if now_ns >= self._core.next_deadline_ns():
                 is_flying = self._frame_seq >= 0 and self._core.phase not in GROUNDED
@@ -183,8 +199,7 @@ class Ground:
             self._report_host(now_ns)
             bus.publish_state(name, self._state_text(now_ns))
             for event in bus.rejections.due(now_ns):
-                self.log.write(topics.REJECTED, event, now_ns)
-                self.report(event)
+                self.report_beside(event)
             await self._clock.sleep_until_ns(now_ns + STATE_NS - round(0.5e9 * self._spacing_s))
             self._ticked.clear()
             await self._ticked.wait()
@@ -229,6 +244,11 @@ class Ground:
     def press(self) -> None:
         """Stop: the stop button was pressed."""
         self.receive_request(OperatorRequest(0, Verb.STOP, "stop button"), lambda _reply: None)
+
+    def report_beside(self, event: Event) -> None:
+        """Report and record what the process refuses, or fails in, beside the core."""
+        self.log.write(topics.REJECTED, event, self._clock.monotonic_ns())
+        self.report(event)
 
     def report(self, event: Event) -> None:
         """Print an event on the terminal, and keep it for the published state."""
@@ -282,6 +302,8 @@ class Ground:
             self._received_ns = None
             self._note(latency_s, late=latency_s > self._spacing_s)
         self._ticked.set()
+        if self._core.next_deadline_ns() < self._watched_ns:
+            self._earlier.set()
 
     def _note(self, latency_s: float, late: bool) -> None:
         timing = self.timing
@@ -289,6 +311,10 @@ class Ground:
         timing.worst_s = max(timing.worst_s, latency_s)
         if late or self._recorder.detailed:
             self.log.write(topics.TIMING, LoopTiming(self._frame_seq, latency_s, late), self._clock.monotonic_ns())
+
+
+OF_THE_CORE = tuple(f.__code__ for f in (Ground.receive_datagram, Ground._input, Ground._tick))
+"""What is raised in these ends the ground, whoever called them."""
 
 
 def _measured(log: Path) -> LogFile:
@@ -376,36 +402,45 @@ async def run(
 async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBus, name: str, clock: Clock) -> None:
     """Everything that runs at once, until asked to end or until a part of it fails."""
     loop = asyncio.get_running_loop()
-    asked_to_end, failure = asyncio.Event(), loop.create_future()
+    asked_to_end, failure, others = asyncio.Event(), loop.create_future(), LoopErrors(ground.report_beside)
 
     def fail(error: BaseException) -> None:
         if not failure.done():
             failure.set_exception(error)
+
+    def on_error(_: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """A callback that raises has no task to fail: this is where the core's own errors arrive, among others."""
+        error = context.get("exception")
+        if error is not None and any(frame.f_code in OF_THE_CORE for frame, _ in walk_tb(error.__traceback__)):
+            fail(error)
+        else:
+            others.receive(context)
 
     def on_signal() -> None:
         if asked_to_end.is_set():
             fail(GroundFailure("interrupted before the swarm had landed"))
         asked_to_end.set()
 
-    # A callback that raises has no task to fail: this is where the core's own errors arrive.
-    loop.set_exception_handler(lambda _, context: fail(context.get("exception") or GroundFailure(context["message"])))
+    loop.set_exception_handler(on_error)
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, on_signal)
     mocap = MocapBus(bus, clock)
     mocap.on_event(ground.receive_mocap_event)  # before frames: who is sent those is known to listen to events by then
     if config.mocap.source != "mavlink":  # there the drones' links bring the poses
         mocap.on_frame(ground.receive_frame)
-    async with asyncio.TaskGroup() as tasks:
+    parts = (  # an error of these lands nobody
+        watch_button(config.operator.stop_button, ground),  # first: it is there from the first
+        record_dates(ground.log, clock),
+        ground.watch_disk(),
+        watch_record(lab_file, ground.receive_unmet, ground.booted_ns, ground.report, clock),
+        _await_others(config, bus, ground),
+        bus.protection.attend(ground.report),
+    )
+    async with beside(*parts), asyncio.TaskGroup() as tasks:
         services = [
             tasks.create_task(_raise_from(failure)),
             tasks.create_task(ground.watch()),
-            tasks.create_task(record_dates(ground.log, clock)),
-            tasks.create_task(watch_button(config.operator.stop_button, ground)),  # first: it is there from the first
             tasks.create_task(ground.publish_state(bus, name)),
-            tasks.create_task(ground.watch_disk()),
-            tasks.create_task(watch_record(lab_file, ground.receive_unmet, ground.booted_ns, ground.report, clock)),
-            tasks.create_task(_await_others(config, bus, ground)),
-            tasks.create_task(bus.protection.attend(ground.report)),
             tasks.create_task(_have_mocap(config, lab_file, mocap, ground.report, clock, name)),
         ]
         names = bus.protection.names

@@ -17,6 +17,7 @@ import zenoh
 from mcap.writer import CompressionType, Writer
 
 from formation.config import LinkConfig
+from formation.messages import Event
 from wire.logs.live import ChannelDescription, LiveLog, keys
 from wire.logs.scene import rerun_blueprint, show_bodies
 from wire.process.daemon import GROUND_REMEDY, Precondition, Stop, beside, report_missing
@@ -201,7 +202,11 @@ async def run(
     protection: Protection = LOOPBACK_ONLY,
 ) -> int:
     """Stream until SIGINT or SIGTERM; how many messages. Raises BusError."""
-    stop = Stop()
+
+    def report_event(event: Event) -> None:
+        report(f"{event.source}: {event.text}")
+
+    stop = Stop(report_event)
     bus = await ZenohBus.open(link.joined, lab, protection=protection)
     live = Live(viewers, report)
     head_key, chunk_key = keys(name)
@@ -216,7 +221,7 @@ async def run(
     try:
         bus.listen(head_key, receive_head, limit=1)
         bus.listen(chunk_key, receive_chunk, limit=QUEUED)
-        async with beside(report_missing("live", [ground], lambda event: report(f"{event.source}: {event.text}"))):
+        async with beside(report_missing("live", [ground], report_event)):
             await stop.wait()
     finally:
         await bus.close()

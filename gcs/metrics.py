@@ -3,7 +3,8 @@
 A process of its own, which asks nothing: it hears what the page hears. The client library serves, in its own thread.
 """
 
-from collections.abc import Iterator
+import asyncio
+from collections.abc import Callable, Iterator
 
 from prometheus_client import CollectorRegistry, start_http_server
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric, StateSetMetricFamily
@@ -11,6 +12,8 @@ from prometheus_client.registry import Collector
 
 from formation.codes import Phase, Severity
 from formation.config import LinkConfig
+from gcs.page.show import LOST_S
+from wire import clock
 from wire.ground_state import GroundState, decode
 from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, beside, report_missing
 from wire.security.protection import Protection
@@ -38,19 +41,26 @@ COUNTED = (
 
 
 class StateMetrics(Collector):
-    """The newest state as metrics; none before the first, and none of a drone that are unknown."""
+    """The newest state as metrics while the ground is heard, else that it is not; none of a drone that are unknown."""
 
-    def __init__(self) -> None:
-        self.state: GroundState | None = None
+    def __init__(self, now_ns: Callable[[], int] = clock.monotonic_ns) -> None:
+        self._now_ns, self._state_ns = now_ns, 0
+        self._state: GroundState | None = None
 
     def receive(self, text: str) -> None:
         """Receive a published state; ValueError for one of another version."""
-        self.state = decode(text)
+        self._state, self._state_ns = decode(text), self._now_ns()
+
+    @property
+    def up(self) -> bool:
+        """Whether the ground is heard."""
+        return self._state is not None and self._now_ns() - self._state_ns < LOST_S * 1e9
 
     def collect(self) -> Iterator[Metric]:
         """Everything, as it is at this moment."""
-        state = self.state
-        if state is None:
+        state, up = self._state, self.up
+        yield GaugeMetricFamily(f"{PREFIX}_ground_up", "Whether the ground is heard", value=up)
+        if state is None or not up:
             return
         phases = {phase.name: phase is state.phase for phase in Phase}
         yield StateSetMetricFamily(f"{PREFIX}_phase", "Phase of the flight", value=phases)
@@ -73,20 +83,28 @@ class StateMetrics(Collector):
             yield GaugeMetricFamily(f"{PREFIX}_disk_free_bytes", "Free on the log's disk", value=state.log.free_bytes)
 
 
+async def _report_ground(ground: Precondition, report: EventSink) -> None:
+    """Report whenever the ground is waited for, and when it is there; for ever."""
+    while True:
+        await report_missing("metrics", [ground], report)
+        while ground.is_there():
+            await asyncio.sleep(LOST_S)
+
+
 async def run(
     link: LinkConfig, lab: str, name: str, where: tuple[str, int], report: EventSink, protection: Protection
 ) -> None:
     """Serve the ground's state at http://HOST:PORT/metrics until SIGINT or SIGTERM; OSError: the port is taken."""
-    metrics, registry, stop = StateMetrics(), CollectorRegistry(), Stop()
+    metrics, registry, stop = StateMetrics(), CollectorRegistry(), Stop(report)
     registry.register(metrics)
     host, port = where
     server, thread = start_http_server(port, host, registry)
-    ground = Precondition(f"ground {name!r}", lambda: metrics.state is not None, GROUND_REMEDY)
+    ground = Precondition(f"ground {name!r}", lambda: metrics.up, GROUND_REMEDY)
     try:
         bus = await ZenohBus.open(link.joined, lab, protection=protection)
         try:
             bus.on_state(name, metrics.receive)
-            async with beside(report_missing("metrics", [ground], report)):
+            async with beside(_report_ground(ground, report)):
                 await stop.wait()
         finally:
             await bus.close()

@@ -120,7 +120,7 @@ async def run(
     config: LabConfig, name: str, graph: Graph, report: EventSink, protection: Protection, clock: Clock
 ) -> int:
     """Publish until SIGINT or SIGTERM; how many messages. Raises BusError, ValueError for bodies of one name."""
-    shows, stop = Shows(Flight(config), clock), Stop()
+    shows, stop = Shows(Flight(config), clock), Stop(report)
     bus = await ZenohBus.open(config.link.joined, config.name, protection=protection)
     awaited = (
         Precondition(f"ROS 2's router at {graph.router}", lambda: bool(shows.publishers), ROUTER_REMEDY),

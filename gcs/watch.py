@@ -19,7 +19,7 @@ from formation.config import LinkConfig
 from formation.messages import OperatorRequest, Verb
 from formation.requests import answer_s
 from gcs.alarms import ShownAlarms, folded, style
-from gcs.page.show import COLUMNS, LABELS, UNITS, Cell, Level, Show, none_of_ours, not_landed_text, show
+from gcs.page.show import COLUMNS, LABELS, MOCAP_LOST_NS, UNITS, Cell, Level, Show, none_of_ours, not_landed_text, show
 from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.ground_state import Alarm, GroundState, decode
@@ -104,7 +104,7 @@ class _Watch:
         self._alarms = ShownAlarms()
         self._state: GroundState | None = None
         self._mocap: dict[str, Any] | None = None
-        self._state_ns = 0
+        self._state_ns = self._mocap_ns = 0
         self._answer = ""
         self._quit = asyncio.Event()
         self._asking: set[asyncio.Task[None]] = set()
@@ -132,7 +132,7 @@ class _Watch:
             except ValueError as error:
                 self._answer = f"refused: {error}"
                 return
-            self._mocap = state
+            self._mocap, self._mocap_ns = state, clock.monotonic_ns()
 
         bus.on_state(self._name, receive_state)
         MocapBus(bus).on_state(receive_mocap_state)
@@ -142,8 +142,9 @@ class _Watch:
         try:
             with Live(console=Console(), screen=True, auto_refresh=False) as live:
                 while not self._quit.is_set():
-                    silent_s = (clock.monotonic_ns() - self._state_ns) * 1e-9
-                    shown = show(self._state, self._mocap, silent_s)
+                    now_ns = clock.monotonic_ns()
+                    mocap = self._mocap if now_ns - self._mocap_ns < MOCAP_LOST_NS else None
+                    shown = show(self._state, mocap, (now_ns - self._state_ns) * 1e-9)
                     live.update(picture(shown, self._alarms.open, self._answer), refresh=True)
                     await asyncio.sleep(REDRAW_S)
         finally:

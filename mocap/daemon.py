@@ -4,6 +4,7 @@ A process of its own, so that poses reach the drones whatever becomes of the gro
 """
 
 import json
+import os
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -111,7 +112,8 @@ class Mocap:
         self._certainty = Certainty()
         self._name = config.mocap.source
         self._inside_s: deque[float] = deque(maxlen=REMEMBERED)
-        self._listener_ns = self._state_ns = clock.monotonic_ns()
+        self._needed_ns = self._state_ns = clock.monotonic_ns()
+        self._parent = os.getppid()
         self._unknown = 0
         feed = Feed(config.mocap, self.receive_frame, self.report, reject_log, clock)
         self.source = open_source(config, bus, feed, self.receive_frame)
@@ -132,13 +134,14 @@ class Mocap:
 
     def receive_ground_state(self, state: str) -> None:
         """Receive the ground's published state, of which only which motors are on is used."""
+        self._needed_ns = self._clock.monotonic_ns()
         try:
             self._core.note_motors(decode(state).motors_on)
         except ValueError as error:
             self._core.reject_log.note("ground", str(error), self._clock.monotonic_ns())
 
     async def watch(self, linger_s: float | None) -> None:
-        """Publish events and the state; return when nobody has listened for `linger_s`, if given."""
+        """Publish events and the state; return `linger_s` after who started this and all grounds are gone, if given."""
         watchdog = Watchdog()
         while True:
             now_ns = self._clock.monotonic_ns()
@@ -152,9 +155,9 @@ class Mocap:
                 self._outputs.state(state)
                 for event in self._certainty.events(self.source.status(), now_ns):
                     self.report(event)
-            if self._bus.has_subscribers:
-                self._listener_ns = now_ns
-            if linger_s is not None and now_ns - self._listener_ns > linger_s * 1e9:
+            if os.getppid() == self._parent:
+                self._needed_ns = now_ns
+            if linger_s is not None and now_ns - self._needed_ns > linger_s * 1e9:
                 return
             await self._clock.sleep_until_ns(now_ns + WATCH_NS)
 
@@ -194,12 +197,12 @@ async def run(
     ground: str = GCS_NAME,
     protection: Protection = LOOPBACK_ONLY,
 ) -> None:
-    """Serve the lab until SIGINT or SIGTERM, or until nobody has listened for `linger_s`.
+    """Serve the lab until SIGINT or SIGTERM, or for `linger_s` after who started it and every ground are gone.
 
     ground: the name of the ground whose state says which motors are on.
     Raises BusError, MocapFileError, and ServiceError where another process serves the lab already.
     """
-    stop = Stop()
+    stop = Stop(outputs.event)
     bus = await ZenohBus.open(config.link.joined, config.name, protection=protection)
     try:
         mocap_bus = MocapBus(bus, clock)

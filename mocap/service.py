@@ -18,7 +18,7 @@ FIND_S = 1.0
 POLL_S = 0.2
 AGAIN_S = 1.0
 LINGER_S = 60.0
-"""How long our process runs on after we were killed and while nobody listens."""
+"""How long our process runs on after we were killed: drones land by its poses meanwhile, or another ground comes."""
 
 
 class ServiceError(RuntimeError):

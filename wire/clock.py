@@ -2,10 +2,15 @@
 
 import time
 import uuid
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from formation.clock_pair import ClockPair
+
+if TYPE_CHECKING:
+    import asyncio
 
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 
@@ -46,12 +51,17 @@ class Clock:
         """How long the machine takes until then, by its own clock; 0 where that has passed."""
         return max((deadline_ns - self.monotonic_ns()) * 1e-9 / self.speed, 0.0)
 
-    async def sleep_until_ns(self, deadline_ns: int) -> None:
-        """Return at `deadline_ns` or just after (asyncio's timers: 1 ms); at once if it has passed."""
+    async def sleep_until_ns(self, deadline_ns: int, interrupt: "asyncio.Event | None" = None) -> None:
+        """Return at `deadline_ns` or just after (asyncio's timers: 1 ms), or at `interrupt`; at once where past."""
         import asyncio  # who only asks for the time, as every client command, does without
 
         while (left_s := self.seconds_until(deadline_ns)) > 0.0:
-            await asyncio.sleep(left_s)
+            if interrupt is None:
+                await asyncio.sleep(left_s)
+                continue
+            with suppress(TimeoutError):
+                await asyncio.wait_for(interrupt.wait(), left_s)
+                return
 
 
 REAL_TIME = Clock()

@@ -5,6 +5,7 @@ right; 3 no ground answers.
 """
 
 import json
+import os
 import re
 import subprocess
 from contextlib import nullcontext
@@ -154,6 +155,7 @@ def page(
     public_port: Annotated[
         int, typer.Option(min=1, max=65535, help="With --public: the port on loopback that the proxy forwards to.")
     ] = 8480,
+    with_parent: Annotated[bool, typer.Option("--with-parent", hidden=True)] = False,
     as_json: Json = False,
     speed: Speed = 1.0,
     insecure: Insecure = False,
@@ -172,7 +174,8 @@ def page(
     try:
         protection = lab_protection(config.security, lab, PAGE, insecure=insecure)
         door = Public(public, public_port) if public else None
-        serve_page(lab, config, name, port, clock.Clock(speed), as_json, protection, door)
+        parent = os.getppid() if with_parent else None
+        serve_page(lab, config, name, port, clock.Clock(speed), as_json, protection, door, parent)
     except ConfigError as error:
         fail(str(error), NOT_RIGHT)
     except OSError as error:
@@ -213,7 +216,10 @@ mocap_app = typer.Typer(
 def serve_mocap(
     lab: LabFile,
     linger: Annotated[
-        float | None, typer.Option(min=0.0, help="End when nobody has listened for this many seconds.")
+        float | None,
+        typer.Option(
+            min=0.0, help="End so many seconds after the process that started it, and every ground, have gone."
+        ),
     ] = None,
     as_json: Json = False,
     speed: Speed = 1.0,

@@ -2,6 +2,7 @@
 
 from formation.config import LabConfig
 from formation.messages import Datagram
+from wire.process.port_holder import why_not_bound
 from wire.security.bus_access import ExposedError
 from wire.transport.link import Deliver, Link, LinkCounters
 from wire.transport.udp_bus import open_udp_direct, open_udp_ground
@@ -59,5 +60,6 @@ async def _open_shared(config: LabConfig, bus: ZenohBus, sysids: list[int], deli
     except ExposedError:
         raise
     except OSError as error:
-        ports = ", ".join(str(config.link.ground_port_base + sysid) for sysid in sysids)
-        raise OSError(f"UDP ports {ports} on {config.link.host}: {error.strerror or error}") from error
+        ports = [config.link.ground_port_base + sysid for sysid in sysids]
+        whys = (why_not_bound(error, "udp", port) for port in ports)
+        raise OSError(f"UDP ports {', '.join(map(str, ports))} on {config.link.host}: {max(whys, key=len)}") from error

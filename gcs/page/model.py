@@ -12,11 +12,14 @@ from gcs.alarms import ShownAlarms
 from gcs.page.foresee import Forecast, shape, start, trajectory
 from gcs.page.pushes import PushFinder
 from gcs.page.scene import Scene, Trails, scene
-from gcs.page.show import LOST_S, NOTHING_YET, Cell, Show, none_of_ours, rehearsed, show
+from gcs.page.show import LOST_S, MOCAP_LOST_NS, NOTHING_YET, Cell, Show, none_of_ours, rehearsed, show
 from gcs.rehearsal import Rehearsal, lab_name
 from wire.ground_state import GroundState, decode
 
 START_NS = 1_000_000_000
+SILENT = Event(
+    Severity.CRITICAL, "page", "the ground is not heard any more", lasts=True, code=EventCode.GROUND_SILENT
+)  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -87,7 +90,7 @@ class Model:
             if now_ns - self._start_ns > START_NS:
                 self._start_ns = now_ns
                 self.start = start(state, self.config) if state.phase is Phase.HOLD else None
-        self.state, self._state_ns, self._lost = state, now_ns, False
+        self.state, self._state_ns = state, now_ns
         self.pushes.receive_errors(_errors_lab_m(state), now_ns)
 
     def receive_mocap_state(self, state: dict[str, Any], now_ns: int) -> None:
@@ -99,18 +102,17 @@ class Model:
         self._mocap, self._mocap_ns = state, now_ns
 
     def show(self, now_ns: int, unix_s: float) -> Show:
-        """The view now; a ground that falls silent is an alarm, once."""
+        """The view now; a ground that falls silent is an alarm until it is heard again."""
         if self.state is None:
             return NOTHING_YET
         silent_s = (now_ns - self._state_ns) * 1e-9
-        if silent_s > LOST_S and not self._lost:
-            self._lost = True
+        lost = silent_s > LOST_S
+        if lost and not self._lost:
             self.alarms.retain_ground_alarms()
-            self.alarms.receive(
-                Event(Severity.CRITICAL, "page", "the ground is not heard any more", code=EventCode.GROUND_SILENT),
-                unix_s,
-            )
-        mocap = self._mocap if now_ns - self._mocap_ns < 3 * START_NS else None
+        if lost is not self._lost:
+            self.alarms.receive(SILENT if lost else SILENT.over(), unix_s)
+        self._lost = lost
+        mocap = self._mocap if now_ns - self._mocap_ns < MOCAP_LOST_NS else None
         shown = show(self.state, mocap, silent_s, () if self.start is None else self.start.against)
         push = (("push", Cell(self.pushes.text)),) if self.pushes.found else ()
         return replace(shown, vital=(*shown.vital, *push, ("rehearsal", rehearsed(self.rehearsal, self._lab_name))))

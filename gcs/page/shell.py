@@ -6,6 +6,7 @@ beeps, and says across the page when nothing has come of the server for a while.
 
 import asyncio
 import json
+import os
 import socket
 import sys
 from collections.abc import AsyncIterator, Iterator
@@ -30,6 +31,7 @@ from gcs.security.roles import visitor_source
 from wire.clock import Clock, unix_us
 from wire.errors import ConfigError
 from wire.process.daemon import GROUND_REMEDY, Precondition, report_missing
+from wire.process.port_holder import why_not_bound
 from wire.process.program import print_event
 from wire.process.system import own_name
 from wire.rejections import RejectionLog
@@ -57,6 +59,7 @@ class Page:
         self, lab_file: Path, config: LabConfig, ground: str, clock: Clock, protection: Protection = LOOPBACK_ONLY
     ) -> None:
         self.model = Model(config)
+        self.parent: int | None = None
         self._lab_file = lab_file
         self._config, self._ground, self._clock = config, ground, clock
         self._protection = protection
@@ -140,12 +143,13 @@ class Page:
         await report_missing("page", [ground], print_event)
 
     async def watch(self) -> None:
-        """Draw where no state comes; for ever."""
-        while True:
+        """Draw where no state comes, until the parent that this is to end with, if any, has gone."""
+        while self.parent in (None, os.getppid()):
             await asyncio.sleep(WATCH_S)
             self.model.rehearsal = recorded(self._lab_file)
             if self._clock.monotonic_ns() - self._drawn_ns > WATCH_S * 1e9:
                 self.draw()
+        app.shutdown()
 
     def _come(self, viewer: Viewer) -> None:
         if not viewer.name:
@@ -182,15 +186,19 @@ class Page:
 
 def free_port(wanted: int | None) -> int:
     """The port wanted, or the first free one from 8470 on; OSError where it is another's."""
+    why = ""
     for port in range(PORT, PORT + PORTS) if wanted is None else (wanted,):
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
                 probe.bind((LOOPBACK, port))
-            except OSError:
+            except OSError as error:
+                why = f"port {port} of {LOOPBACK}: {why_not_bound(error, 'tcp', port)}"
+                if wanted is None:
+                    print(f"page: {why}; trying the next one", file=sys.stderr)
                 continue
             return port
-    raise OSError(f"port {PORT if wanted is None else wanted} of {LOOPBACK} is taken: --port for another")
+    raise OSError(f"{why}: --port for another")
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,16 +246,19 @@ def serve(
     as_json: bool,
     protection: Protection = LOOPBACK_ONLY,
     public: Public | None = None,
+    parent: int | None = None,
 ) -> None:
     """Serve the page on loopback until SIGINT or SIGTERM, at that port or at a free one. OSError if it is taken,
     or a bus on another machine is not authenticated.
 
-    as_json: print where it is as JSON, too. public: serve it to other machines, too, with a login.
+    as_json: print where it is as JSON, too. public: serve it to other machines, too, with a login. parent: end with
+    that process, which started this one.
     """
     joined = config.link.joined
     protection.bus.demand((*joined.zenoh_listen, *joined.zenoh_connect))  # here, where it ends the program in a line
     port = free_port(wanted_port)
     page = Page(lab_file, config, ground, clock, protection)
+    page.parent = parent
     on_bus = page.subscribed()
     door = None if public is None else _door(page, public, clock)
 

@@ -42,6 +42,8 @@ ERROR_WARN_M, ERROR_BAD_M = 0.05, 0.2
 FENCE_WARN_M = 0.1
 _LANDED = {"ON_GROUND": "floor", "IN_AIR": "air", "TAKEOFF": "rising", "LANDING": "landing"}
 LOST_S = 1.0
+MOCAP_LOST_NS = 3_000_000_000
+"""A state of the mocap process that is older is not shown: it publishes one a second."""
 """After so long without the ground's state, the page says so across everything."""
 VERBS = (
     Verb.ARM,
@@ -243,12 +245,12 @@ def countdowns(state: GroundState) -> tuple[str, ...]:
 
 
 def stop_text(state: GroundState) -> str:
-    """The effect of a stop so far: which drones have latched it, in how many ms, and which have not; empty without."""
+    """The effect of a stop so far: which drones report their motors off, after how many ms, and which do not."""
     if state.phase is not Phase.STOPPED:
         return ""
     done = [(drone.body, drone.stopped_ms) for drone in state.drones if drone.stopped_ms is not None]
     open_ = [drone.body for drone in state.drones if drone.stopped_ms is None]
-    text = f"{len(done)} of {len(state.drones)} drones have latched the stop"
+    text = f"{len(done)} of {len(state.drones)} drones report their motors off"
     if done:
         text += ": " + ", ".join(f"{name} {ms:.0f} ms" for name, ms in done)
     return text + (f"; NOT YET: {', '.join(open_)}" if open_ else "")
@@ -265,7 +267,11 @@ def vital(state: GroundState, mocap: Mapping[str, Any] | None) -> tuple[tuple[st
     timing = None if mocap is None else mocap.get("timing")
     texts: list[tuple[str, Cell]] = []
     if timing is None:
-        texts.append(("mocap", Cell("not heard", Level.WARN)))
+        ages_s = [drone.age_s for drone in state.drones if drone.age_s is not None]
+        if ages_s and min(ages_s) <= POSE_BAD_S:  # its state comes once a second, frames go on meanwhile
+            texts.append(("mocap", Cell(f"pose {min(ages_s) * 1e3:.0f} ms old")))
+        else:
+            texts.append(("mocap", Cell("not heard", Level.WARN)))
     else:
         lost = float(timing["lost_share"])
         texts += [

@@ -11,17 +11,19 @@ from typing import cast
 import numpy as np
 import pytest
 
+import gcs.daemon
 from formation import topics
 from formation.config import LabConfig
-from formation.messages import Event, LabFrame, Phase
+from formation.messages import Event, LabFrame, OperatorRequest, Phase, Verb
 from gcs.core import BrokenInvariantError, GcsCore, Outgoing
 from gcs.daemon import Ground, GroundFailure, RunResult, Timing, know_other_grounds, run
 from gcs.replay import replay
 from tests.free_ports import free_port
 from tests.gcs.bus import a_lab, hub_of
 from tests.wire.flight import check_log
-from wire.clock import Clock
+from wire.clock import REAL_TIME, Clock
 from wire.config_file import dump
+from wire.ground_state import LogFile
 from wire.logs.mcap_read import read_log
 from wire.logs.mcap_write import LogWriter
 from wire.rejections import RejectionLog
@@ -113,7 +115,7 @@ class _Clock:
     def monotonic_ns(self) -> int:
         return self.now_ns
 
-    async def sleep_until_ns(self, deadline_ns: int) -> None:
+    async def sleep_until_ns(self, deadline_ns: int, interrupt: asyncio.Event | None = None) -> None:
         if deadline_ns > self.end_ns:
             raise asyncio.CancelledError
         self.now_ns = max(self.now_ns, deadline_ns)
@@ -138,6 +140,57 @@ def test_a_tick_is_late_for_an_overdue_frame_and_not_for_an_answer(until_ms: int
 
     timing = asyncio.run(watched())
     assert (timing.ticks, timing.late) == (1 + late, late)
+
+
+def test_an_earlier_deadline_wakes_the_daemon(tmp_path: Path) -> None:
+    """A motor cut that begins while the daemon sleeps is repeated after 10 ms, not when the next frame is overdue."""
+    core, hour_ns = _Core(), 3_600_000_000_000
+    core.next_deadline_ns = lambda: core.ticks_ns[-1] + (hour_ns if len(core.ticks_ns) == 1 else 1_000_000)  # type: ignore[method-assign]
+
+    async def watched() -> None:
+        with LogWriter(tmp_path / "flight.mcap", {}, threaded=False) as log:
+            ground = Ground(_lab(tmp_path), cast(GcsCore, core), log, lambda _event: None, REAL_TIME)
+            core.ticks_ns[0] = REAL_TIME.monotonic_ns()
+            watching = asyncio.create_task(ground.watch())
+            await asyncio.sleep(0)
+            ground.receive_request(OperatorRequest(1, Verb.STOP), lambda _reply: None)
+            async with asyncio.timeout(30.0):
+                while len(core.ticks_ns) < 4:
+                    await asyncio.sleep(0.001)
+            watching.cancel()
+
+    asyncio.run(watched())
+
+
+def test_what_fails_beside_the_core_is_reported_and_ends_no_flight(tmp_path, monkeypatch):
+    """A library's forgotten task, a callback of the bus, the free disk space: each ended the ground."""
+
+    def fails(*_: object) -> LogFile:
+        raise ZeroDivisionError("of the disk")
+
+    monkeypatch.setattr(gcs.daemon, "_measured", fails)
+    events: list[Event] = []
+
+    async def flown() -> RunResult:
+        loop = asyncio.get_running_loop()
+
+        def fail_in_callback() -> None:
+            raise RuntimeError("of a library")
+
+        def throw() -> None:
+            loop.call_exception_handler({"message": "Task exception was never retrieved", "exception": OSError("lost")})
+            loop.call_soon(fail_in_callback)
+
+        throwing = loop.call_later(0.2, throw)
+        try:
+            return await _until_over(_lab(tmp_path), tmp_path, events)
+        finally:
+            throwing.cancel()
+
+    assert asyncio.run(flown()).phase is Phase.GROUND
+    said = " ".join(event.text for event in events if event.source == "event loop")
+    for reason in ("watch_disk has ended: ZeroDivisionError", "retrieved: OSError: lost", "RuntimeError: of a library"):
+        assert reason in said
 
 
 class _Bus:

@@ -48,8 +48,25 @@ def test_a_flight_is_there_with_its_phase_and_its_drones(airborne: Samples) -> N
     assert airborne["formation_frames_total", ""] > 400
 
 
-def test_before_a_ground_is_heard_there_is_nothing() -> None:
-    assert scraped(StateMetrics()) == {}
+NOT_HEARD = {("formation_ground_up", ""): 0.0}
+
+
+def test_before_a_ground_is_heard_there_is_nothing_else() -> None:
+    assert scraped(StateMetrics()) == NOT_HEARD
+
+
+def test_a_ground_that_is_gone_has_no_figures_until_it_is_heard_again() -> None:
+    """The last state, served for ever, would show a room's screen a healthy lab."""
+    now_ns, lab = [0], FakeLab(triangle())
+    lab.run(1.0)
+    metrics = StateMetrics(lambda: now_ns[0])
+    for heard_s in (0.0, 60.0):
+        now_ns[0] = round(heard_s * 1e9)
+        metrics.receive(encode(lab.core.state(lab.now_ns)))
+        assert scraped(metrics)["formation_ground_up", ""] == 1.0
+        assert ("formation_drone_armed", "left") in scraped(metrics)
+        now_ns[0] += 5_000_000_000
+        assert scraped(metrics) == NOT_HEARD
 
 
 def test_a_dashboard_asks_for_metrics_that_there_are(airborne: Samples) -> None:

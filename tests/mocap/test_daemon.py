@@ -15,10 +15,21 @@ from wire.clock import REAL_TIME
 from wire.transport.mocap_bus import MocapBus
 
 
-def test_one_that_was_left_behind_ends_when_nobody_listens():
-    events: list[Event] = []
-    asyncio.run(asyncio.wait_for(run(a_lab(), 0.1, Outputs(events.append), REAL_TIME), 60.0))
-    assert events == []
+@in_loop
+async def test_one_that_was_left_behind_ends_when_no_ground_is_heard(monkeypatch):
+    """Its ground was killed: it serves the drones that listen for a while, and the ground that comes next."""
+    parents = iter([7])
+    monkeypatch.setattr("mocap.daemon.os.getppid", lambda: next(parents, 1))
+    config, events = a_lab(), list[Event]()
+    bus = await hub_of(config)
+    MocapBus(bus).on_frame(lambda _frame: None)
+    left = asyncio.create_task(run(config, 1.0, Outputs(events.append), REAL_TIME))
+    for _ in range(150):
+        bus.publish_state("main", "a state of another version")
+        await asyncio.sleep(0.02)
+    assert not left.done()
+    await asyncio.wait_for(left, 60.0)
+    await bus.close()
 
 
 @in_loop

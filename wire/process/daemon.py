@@ -15,23 +15,58 @@ from dataclasses import dataclass
 from typing import Any
 
 from formation.messages import Event, Severity
+from wire import clock
+from wire.process.port_holder import listener
+from wire.rejections import RejectionLog
+from wire.text import plain
 
 EventSink = Callable[[Event], None]
 """Where a daemon's events go."""
+_ERROR_MOST = 300
+
+
+class LoopErrors:
+    """Counts errors of the event loop that end no process, such as a library's, and reports them once a second."""
+
+    def __init__(self, report: EventSink) -> None:
+        self._report = report
+        self._log, self._waits = RejectionLog("failed"), False
+
+    def receive(self, context: dict[str, Any]) -> None:
+        """Receive what asyncio hands to an exception handler."""
+        error = context.get("exception")
+        why = "" if error is None else f": {type(error).__name__}: {error}"
+        self._log.note("event loop", plain(f"{context['message']}{why}", _ERROR_MOST), clock.monotonic_ns())
+        if not self._waits:
+            self._report_due()
+
+    def _report_due(self) -> None:
+        for event in self._log.due(clock.monotonic_ns()):
+            self._report(event)
+        self._waits = self._log.has_pending
+        if self._waits:
+            asyncio.get_running_loop().call_later(_POLL_S, self._report_due)
 
 
 class Stop:
-    """A signal ends the process well; an exception anywhere in the loop ends it with that exception."""
+    """A signal ends the process well; a callback that raises ends it with that exception.
 
-    def __init__(self) -> None:
+    What a task raises that nobody awaits is reported: it is a library's, or beside the process's work (`beside`).
+    """
+
+    def __init__(self, report: EventSink) -> None:
         self._event = asyncio.Event()
         self._error: BaseException | None = None
+        self._others = LoopErrors(report)
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, self._event.set)
         loop.set_exception_handler(self._fail)
 
     def _fail(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        if "handle" not in context:
+            self._others.receive(context)
+            return
         self._error = context.get("exception") or RuntimeError(context["message"])
         self._event.set()
 
@@ -57,13 +92,22 @@ async def first_of(*parts: Any) -> None:
 
 @asynccontextmanager
 async def beside(*parts: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
-    """While inside, run these beside it; they are cancelled with it."""
+    """While inside, run these beside it; they are cancelled with it. An error ends that part, and is reported."""
     tasks = [asyncio.create_task(part) for part in parts]
+    for task in tasks:
+        task.add_done_callback(_report_error)
     try:
         yield
     finally:
         for task in tasks:
             task.cancel()
+
+
+def _report_error(task: "asyncio.Task[None]") -> None:
+    error = None if task.cancelled() else task.exception()
+    if error is not None:
+        name = getattr(task.get_coro(), "__qualname__", task.get_name())
+        task.get_loop().call_exception_handler({"message": f"{name} has ended", "exception": error})
 
 
 PATIENCE_S = 0.5
@@ -84,7 +128,12 @@ GROUND_REMEDY = "start one with `gcs run lab.toml`; --name says which one is mea
 
 
 def bus_at(endpoints: Sequence[str], is_there: Callable[[], bool], remedy: str) -> Precondition:
-    """Anybody else on the lab's bus."""
+    """Anybody else on the lab's bus; remedy: where no other program of this machine has the port."""
+    if holder := listener(endpoints):
+        remedy = (
+            f"{holder} has that port and does not answer as the bus: end it, or give the bus another port "
+            "([link] zenoh_listen)"
+        )
     return Precondition(f"the bus at {', '.join(endpoints) or 'no endpoint'}", is_there, remedy)
 
 

@@ -14,6 +14,7 @@ from formation.requests import OperatorReply, OperatorRequest, Verb
 from wire import clock
 from wire.errors import ConfigError
 from wire.process.daemon import EventSink
+from wire.process.port_holder import why_not_bound
 from wire.rejections import RejectionLog
 from wire.security.private_keys import read_mavlink_key, stop_key_file
 from wire.security.protection import Names, Protection
@@ -110,13 +111,15 @@ def stop_ports(
     key_of = _Keys(own, names).of if own is not None and names is not None else {"": lab.encode()}.get
     with ExitStack() as opened:
         for endpoint in link.zenoh_listen or filter(is_local_endpoint, link.zenoh_connect):
+            where = None
             try:
                 where = stop_address(endpoint)
                 if where is not None:
                     port = StopPort(where, StopReader(key_of, os.urandom), handler, rejections)
                     opened.callback(port.close)
             except OSError as error:
-                text = f"no stop by datagram at {endpoint}, the bus alone carries it: {error.strerror}"
+                why = error.strerror if where is None else why_not_bound(error, "udp", where[1][1])
+                text = f"no stop by datagram at {endpoint}, the bus alone carries it: {why}"
                 report(Event(Severity.WARNING, "ground", text))
         yield
 

@@ -11,6 +11,7 @@ import zenoh
 from formation.requests import OperatorReply, OperatorRequest, Verb
 from wire import clock
 from wire.errors import BusError
+from wire.process.port_holder import listener
 from wire.process.system import CLOSING
 from wire.schema import Schema, schema_of
 from wire.security.bus_access import LOCAL, BusAccess, connectable
@@ -78,6 +79,8 @@ def open_session(
         return zenoh.open(_configuration(listen, connect, access, asks))
     except zenoh.ZError as error:
         reason = _SOURCE_LINE.sub("", str(error))
+        if holder := listener(listen):
+            reason = f"{holder} has the port ({reason})"
         raise BusError(f"lab {lab!r}, {tuple(listen or connect)}: {reason}") from error
     except OSError as error:
         raise BusError(f"lab {lab!r}: {error}") from error

@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import socket
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from formation.config import LabConfig
@@ -34,6 +34,7 @@ from mocap.sources.natnet.packets import (
 )
 from mocap.sources.poses import from_quaternions
 from mocap.sources.source import Feed, SourceStatus, seconds
+from wire.process.port_holder import why_not_bound
 
 WHO = "mavlink-formation"
 CONNECT_NS, MODELS_NS, ALIVE_NS = 500_000_000, 200_000_000, 1_000_000_000
@@ -368,8 +369,8 @@ class NatNet:
         """Until the server has been silent. OSError where name, interface or port cannot be used."""
         clock, session = self._feed.clock, self._session
         address = await _resolve(self._config.host)
-        with open_sockets(self._config, address) as (command, *others), self._reading(command, *others):
-            self._reported = ""
+        with open_sockets(self._config, address, self._report) as (command, *others), self._reading(command, *others):
+            self._reported = "" if others else self._reported
             session.start(clock.monotonic_ns())
             while True:
                 now_ns = clock.monotonic_ns()
@@ -415,7 +416,7 @@ async def _resolve(host: str) -> str:
 
 
 @contextlib.contextmanager
-def open_sockets(config: NatNetConfig, address: str) -> Iterator[list[socket.socket]]:
+def open_sockets(config: NatNetConfig, address: str, report: Callable[[str], None]) -> Iterator[list[socket.socket]]:
     """The command socket, then the one for data. OSError, in words, where one cannot be had."""
     with contextlib.ExitStack() as stack:
         command = stack.enter_context(_udp())
@@ -428,9 +429,12 @@ def open_sockets(config: NatNetConfig, address: str) -> Iterator[list[socket.soc
             _join(data, config, address)
             sockets.append(data)
         else:
-            with contextlib.suppress(OSError):  # a server on this machine has it: then it sends to the command socket
+            try:
                 data.bind((config.interface, config.data_port))
                 sockets.append(data)
+            except OSError as error:  # a server on this machine has it: then it sends to the command socket
+                why = why_not_bound(error, "udp", config.data_port)
+                report(f"UDP port {config.data_port} of the cameras' data: {why}; heard where the server answers alone")
         yield sockets
 
 
@@ -445,7 +449,7 @@ def _bind(opened: socket.socket, to: tuple[str, int]) -> None:
     try:
         opened.bind(to)
     except OSError as error:
-        raise OSError(error.errno, f"{to[0]} port {to[1]}: {error.strerror}") from error
+        raise OSError(error.errno, f"{to[0]} port {to[1]}: {why_not_bound(error, 'udp', to[1])}") from error
 
 
 def _join(data: socket.socket, config: NatNetConfig, address: str) -> None:

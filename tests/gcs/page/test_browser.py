@@ -57,7 +57,7 @@ def test_a_flight_is_flown_by_clicks_and_stopped_by_the_space_bar(tmp_path: Path
             phase(other, "GROUND")
             other.press(" ", "Space", 32)  # a stop is everybody's, also of who only looks on
             phase(other, "STOPPED")
-            latched = "'3 of 3 drones have latched the stop'"
+            latched = "'3 of 3 drones report their motors off'"
             other.until(f"document.querySelector('.stopped').textContent.startsWith({latched})")
 
     scenario = load("triangle_line")

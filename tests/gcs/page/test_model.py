@@ -12,7 +12,7 @@ from gcs.page.drawing import Stand, above, perspective
 from gcs.page.foresee import shape, start
 from gcs.page.model import Control, Model
 from gcs.page.scene import Trails, scene
-from gcs.page.show import COLUMNS, UNITS, Cell, Level, Step, countdowns, row, show, stop_text
+from gcs.page.show import COLUMNS, UNITS, Cell, Level, Step, countdowns, row, show, stop_text, vital
 from gcs.rehearsal import record, recorded
 from tests.gcs.fakes import FakeLab, flying, refusal, triangle
 from wire.ground_state import Alarm, GroundState, PublishedEvent, encode
@@ -79,10 +79,10 @@ def test_the_countdowns(flight):
     assert countdowns(flight[Phase.GROUND]) == ()
 
 
-def test_a_stop_says_who_has_latched_it_and_how_soon(flight):
+def test_a_stop_says_who_reports_its_motors_off_and_how_soon(flight):
     told = flight[Phase.STOPPED].drones
-    assert all(0.0 <= drone.stopped_ms <= 20.0 for drone in told)  # fake drones answer at once: a frame or two
-    assert stop_text(flight[Phase.STOPPED]).startswith("3 of 3 drones have latched the stop: lead ")
+    assert all(0.0 <= drone.stopped_ms <= 30.0 for drone in told)  # fake drones answer at once, when asked
+    assert stop_text(flight[Phase.STOPPED]).startswith("3 of 3 drones report their motors off: lead ")
     assert stop_text(flight[Phase.HOLD]) == ""
     lab = FakeLab(triangle())
     lab.fly()
@@ -148,6 +148,17 @@ def test_silence_of_the_ground_is_shown_and_is_an_alarm_once(flight):
     assert "NO CONNECTION" in drawing.lost(model.show(14_000_000_000, 8.0))
     model.receive_state(encode(flight[Phase.HOLD]), 15_000_000_000)
     assert drawing.lost(model.show(15_000_000_000, 9.0)) == ""
+    assert [(alarm.goes_on, alarm.cleared) for alarm in model.alarms.open] == [(False, True)]
+    assert model.alarms.latest[0].text == "over: the ground is not heard any more"
+
+
+def test_the_mocap_is_not_called_silent_while_poses_come(flight):
+    """Its state comes once a second: a view that has just opened has poses before that."""
+    state = flight[Phase.HOLD]
+    (name, cell), *_ = vital(state, None)
+    assert (name, cell.level, cell.text.endswith(" ms old")) == ("mocap", Level.CALM, True)
+    unseen = replace(state, drones=tuple(replace(drone, age_s=0.5) for drone in state.drones))
+    assert vital(unseen, None)[0] == ("mocap", Cell("not heard", Level.WARN))
 
 
 def test_the_last_rehearsal_is_shown_until_the_lab_changes(flight, tmp_path):

@@ -1,6 +1,7 @@
 """The client and a server over real sockets of this machine."""
 
 import asyncio
+import os
 import socket
 from contextlib import asynccontextmanager
 from typing import Any
@@ -92,12 +93,16 @@ async def test_frames_come_over_real_sockets_of_a_server_that_comes_late_and_of_
 def test_data_for_port_1511_is_taken_where_the_server_sends_it_there():
     config = lab(UNICAST).mocap.natnet
     assert config is not None
-    with open_sockets(config, "127.0.0.1") as sockets:
+    said: list[str] = []
+    with open_sockets(config, "127.0.0.1", said.append) as sockets:
         assert [each.getsockname()[0] for each in sockets] == ["127.0.0.2"] * 2
         assert sockets[1].getsockname()[1] == config.data_port
         assert sockets[0].getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) > 200_000
-        with open_sockets(config, "127.0.0.1") as others:  # the port is taken: the command socket alone
+        with open_sockets(config, "127.0.0.1", said.append) as others:  # the port is taken: the command socket alone
             assert len(others) == 1
+    assert len(said) == 1
+    assert said[0].startswith(f"UDP port {config.data_port} of the cameras' data: Address already in use: ")
+    assert f"(process {os.getpid()}) has it" in said[0]
 
 
 @pytest.mark.parametrize(

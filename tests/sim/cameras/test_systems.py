@@ -34,7 +34,7 @@ def test_natnets_two_ends_find_their_ports_whoever_starts_first(first: str) -> N
         server = server_for(config.mocap, ("lead", "left"), REAL_TIME)
         if first == "server":
             await server.start()
-        with open_sockets(natnet, OTHER_LOOPBACK) as sockets:
+        with open_sockets(natnet, OTHER_LOOPBACK, print) as sockets:
             assert len(sockets) == 2
             if first == "client":
                 await server.start()

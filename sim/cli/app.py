@@ -74,8 +74,9 @@ class FlyOptions:
     leader_alignment: Alignment = None
     force: Annotated[bool, typer.Option("--force", help="Fly a preset whose delay margin the ground refuses.")] = False
     speed: Annotated[
-        float, typer.Option(min=0.01, max=1.0, help="Seconds of flight in one second: slower on a slow machine.")
-    ] = 1.0
+        float | None,
+        typer.Option(min=0.01, max=1.0, help="Seconds of flight in one second; if not given, as the machine keeps up."),
+    ] = None
     require: Require = None
     watch: Annotated[bool, typer.Option("--watch", help="Serve the operator's page, and print where.")] = False
     signed: Annotated[bool, typer.Option("--signed", help="With the lab file's own keys on every link.")] = False

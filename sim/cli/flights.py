@@ -7,6 +7,7 @@ import sys
 from collections.abc import Coroutine, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryFile
 from types import TracebackType
@@ -47,7 +48,7 @@ from wire.config_file import lines_of
 from wire.errors import ConfigError
 from wire.files import BY_PROCESSES, IN_LOCKSTEP, new_folder, partial, run_folder
 from wire.logs.mcap_scan import LogError
-from wire.process.daemon import STARVED, StarvedError
+from wire.process.daemon import LATE_NS, STARVED, StarvedError
 from wire.process.output import dropping_output
 from wire.process.program import print_json_error
 from wire.process.progress import compile_all
@@ -59,6 +60,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 ABORTED, INTERRUPTED = 1, 130
+TIMED_S = 10.0
+"""Flight in lockstep by which the machine is timed, s: a second's work where it has nothing else to do."""
+REAL_TIME_FACTOR = 5.0
+"""How much faster than time lockstep is where real processes keep up: measured, three drones in six processes take 6.8
+times its CPU time (0.78 and 0.115 s a second), on two cores of which a third is left."""
+SLOWEST = 0.1
+"""No flight is slowed further unasked: it lasts minutes then, and a machine that pauses for seconds fails it anyway."""
 LOG_BYTES = 32 << 20
 """Log and report of a flight of two minutes."""
 
@@ -98,7 +106,7 @@ def practise(options: "FlyOptions") -> None:
     scenario, files = opened.scenario, _files(options.out, opened.scenario, options.overwrite, BY_PROCESSES)
     compile_for(scenario)
     with _own_link(opened, options) as lab:
-        scenario, speed = scenario.model_copy(update={"lab": lab}), clock.Clock(options.speed)
+        scenario, speed = scenario.model_copy(update={"lab": lab}), clock.Clock(options.speed or 1.0)
         practice = practise_processes(scenario, _seed(options.seed, scenario), files, typer.echo, speed, options.hosts)
         try:
             asyncio.run(_interruptible(practice))
@@ -123,9 +131,10 @@ def _own_link(opened: ScenarioFile, options: "FlyOptions") -> Iterator[LabConfig
 
 @dropping_output()
 def _fly(opened: ScenarioFile, options: "FlyOptions", ending: RunOutput) -> tuple[Summary, int]:
-    scenario, speed = opened.scenario, clock.Clock(options.speed)
+    scenario = opened.scenario
     files = _files(ending.out, scenario, ending.overwrite, BY_PROCESSES)
     compile_for(scenario)
+    speed = _speed(options.speed, scenario)
     with (
         _own_link(opened, options) as lab,
         Display(Console(stderr=ending.as_json), scenario.name) as display,
@@ -151,6 +160,31 @@ def _fly(opened: ScenarioFile, options: "FlyOptions", ending: RunOutput) -> tupl
         return _conclude(files, outcome, speed=flown_at), ABORTED if flown else INTERRUPTED
     except (FileNotFoundError, LogError):
         fail(f"nothing was logged: {outcome.reason} (see {files.folder})", ABORTED)
+
+
+def fitting_speed(scenario: Scenario) -> float:
+    """The speed at which the machine keeps up beside all else that it does, by the beginning of the flight in lockstep.
+
+    As slow as its share of the CPU asks for, and as its longest pause does, twice as long, for no simulator to be late.
+    """
+    at_ns = []
+    flown = lockstep.fly(
+        scenario.model_copy(update={"longest_s": TIMED_S}),
+        scenario.seed,
+        lambda _topic, _message, _t_ns: None,
+        lambda _t_s, _phase: at_ns.append(clock.monotonic_ns()),
+    )
+    pause_ns = max(end - start for start, end in pairwise(at_ns))
+    return round(max(SLOWEST, min(1.0, flown.realtime_factor / REAL_TIME_FACTOR, 0.5 * LATE_NS / pause_ns)), 2)
+
+
+def _speed(asked: float | None, scenario: Scenario) -> clock.Clock:
+    """As the user says, else as the machine keeps up, which is said where it is slower than time."""
+    speed = fitting_speed(scenario) if asked is None else asked
+    if asked is None and speed < 1.0:
+        text = f"gcs-sim: flying at {speed:g} of real time, so that this machine keeps up (--speed 1: in real time)"
+        print(text, file=sys.stderr, flush=True)
+    return clock.Clock(speed)
 
 
 def run(scenario: Scenario, seed: int | None, ending: RunOutput) -> None:

@@ -126,7 +126,10 @@ class GuardCore:
         self._age_due_ns = t0_ns
         self._strangers: set[int] = set()
         self._intercepted: dict[Address, int] = {}
-        """How many frames of each sender beside the autopilot's link ended here: the ground must not miss them."""
+        """How many frames of each sender on the autopilot's link ended here, less those that were added in its name: by
+        sequence numbers the ground must miss none."""
+        self._passed_seq: int | None = None
+        """The sequence number of the autopilot's newest frame, as the ground has it."""
         self._rate_offset_reported = False
         self._to_ground: list[bytes] = []
         self._to_autopilot: list[Frame] = []
@@ -154,6 +157,8 @@ class GuardCore:
                 self._intercepted[frame.source] = ended + 1
             else:
                 self._to_ground.append(renumbered(frame, frame.seq - ended) if ended else frame.data)
+                if frame.source == self._target:
+                    self._passed_seq = frame.seq - ended
         self._update_due()
 
     def receive_frame(self, frame: LabFrame, now_ns: int) -> None:
@@ -309,8 +314,15 @@ class GuardCore:
         return True
 
     def _answer(self, source: Address, command: int, result: Result) -> None:
-        """In the autopilot's name, to which the command was sent."""
-        self._to_ground.append(self._autopilots_name.encode(CommandAck(source, command, result)))
+        """In the autopilot's name, to which the command was sent, and with its next sequence number."""
+        frames = self._autopilots_name.frames(CommandAck(source, command, result))
+        if self._passed_seq is None:
+            self._to_ground += [frame.data for frame in frames]
+            return
+        for frame in frames:
+            self._passed_seq += 1
+            self._to_ground.append(renumbered(frame, self._passed_seq))
+            self._intercepted[self._target] = self._intercepted.get(self._target, 0) - 1
 
     def _intercept_from_autopilot(self, frame: Frame, now_ns: int) -> bool:
         if frame.source.system != self._config.sysid:

@@ -11,6 +11,7 @@ from drone_agent.guard.config import GuardConfig
 from drone_agent.guard.core import GuardCore
 from drone_agent.simulation.inertial import InertialError
 from formation.messages import Datagram, LabFrame
+from gcs.drones.telemetry import SequenceMonitor
 from tests.drone_agent.agent_harness import LEVEL, MS, Harness, S, hover_over
 from wire.autopilots.table import FlightMode
 from wire.link_messages import (
@@ -18,6 +19,7 @@ from wire.link_messages import (
     GROUND,
     Address,
     LocalPosition,
+    MavCommand,
     MocapPose,
     Result,
     VisionPose,
@@ -45,6 +47,25 @@ def test_frames_pass_byte_for_byte() -> None:
     out = bridge.tick(1)
     assert b"".join(d.data for d in out.to_autopilot) == down + unknown
     assert b"".join(d.data for d in out.to_ground) == up + unknown
+
+
+def test_answers_in_the_autopilots_name_are_no_gap_in_its_numbers() -> None:
+    """The doctor once measured 18 to 55 % of packets lost on links that lost none."""
+    bridge, ground, autopilot, link = (
+        GuardCore(GuardConfig(), 0),
+        Codec(GROUND),
+        Codec(Address(1, 1)),
+        SequenceMonitor(),
+    )
+    takes_control = command_long(Address(1, 1), int(MavCommand.REQUEST_OPERATOR_CONTROL), 0.0, 1.0)
+    for k in range(300):
+        bridge.receive_autopilot(FrameCutter().cut(autopilot.encode(LocalPosition(k, np.ones(3), np.zeros(3)))), k * MS)
+        if k in (150, 200, 250):
+            bridge.receive_ground(Datagram(1, ground.encode(takes_control)), k * MS)
+        for packet in (p for d in bridge.tick(k * MS).to_ground for p in Codec(GROUND).receive(d.data)):
+            if packet.source == Address(1, 1):
+                link.note(packet.seq, k * MS)
+    assert (link.received, link.lost) == (303, 0)
 
 
 def test_the_grounds_poses_end_here_while_the_bridge_has_its_own() -> None:

@@ -73,6 +73,11 @@ class VehicleBody(Model):
     guard: Literal["none"] | None = None
     spawn_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
 
+    @property
+    def names_profile(self) -> bool:
+        """Whether the lab file says which vehicle it is."""
+        return "profile" in self.model_fields_set
+
     @model_validator(mode="after")
     def _unguarded_on_purpose(self) -> Self:
         if self.link is not None and self.guard is None:

@@ -14,6 +14,7 @@ from formation.control.presets import Preset
 from formation.topics import Topic
 from gcs import warm_up as gcs_warm_up
 from gcs.recording import Record, run_metadata
+from mocap.core import MATRICES, QUATERNIONS, warm_up_source
 from sim.monitors import WITHOUT_NONE, Without
 from sim.scenario import Scenario, load
 from sim.world import T0_NS, World
@@ -81,6 +82,8 @@ def warm_up(scenario: Scenario) -> None:
     while world.now_ns < T0_NS + WARM_UP_NS:
         world.step()
     gcs_warm_up.warm_up(scenario.lab)
+    for source in (*QUATERNIONS, *MATRICES):  # which doctor and mocap process read later, whatever is flown now
+        warm_up_source(source)
 
 
 def warm_up_all() -> None:

@@ -19,6 +19,7 @@ from gcs.doctor.checks import (
     check_drone,
     check_mocap,
     check_signing,
+    unmoved,
 )
 from gcs.doctor.mavsdk_drone import (
     DroneError,
@@ -224,6 +225,7 @@ class Survey:
     async def check_drones(self) -> tuple[Finding, ...]:
         """Interview and judge every drone."""
         findings: list[Finding] = []
+        named = {vehicle.sysid for vehicle in self.config.vehicles if vehicle.names_profile}
         for sysid, link in self.drones.items():
             answers = await self.interview(sysid)
             offset_ns = link.clock.offset_ns
@@ -243,6 +245,7 @@ class Survey:
                 foreign_sysid=link.foreign_sysid,
                 battery=link.telemetry.battery,
                 awaiting_restart=tuple((name, restart_text(link)) for name in link.awaiting_restart),
+                names_profile=sysid in named,
             )
             findings += check_drone(report, self._feeds_pose)
         return tuple(findings)
@@ -275,7 +278,9 @@ async def examine(config: LabConfig, listen_s: float, prompt: Prompt | None, sur
     survey.received.clear()
     await asyncio.sleep(listen_s)
     findings = [*check_mocap(config, survey.received, survey.unknown_bodies, survey.retimed_scatter_s)]
-    if prompt is not None:
+    if prompt is not None and not survey.received:
+        findings += unmoved(config)
+    elif prompt is not None:
         findings += check_axes(config, await survey.have_moved(prompt))
     findings += await survey.check_drones()
     return (*findings, *survey.signing)

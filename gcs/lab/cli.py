@@ -88,7 +88,7 @@ def numbers(config: LabConfig, ahead: Preview) -> dict[str, object]:
         "vehicles": {
             v.body: {
                 "profile": v.profile,
-                "named": "profile" in v.model_fields_set,
+                "named": v.names_profile,
                 "mass_kg": config.profile_of(v).mass_kg,
             }
             for v in (config.vehicles[i] for i in config.commanded)
@@ -128,7 +128,7 @@ def vehicles(config: LabConfig) -> list[str]:
 
 def _vehicle(config: LabConfig, vehicle: VehicleBody) -> str:
     kind = config.profile_of(vehicle)
-    whence = "" if "profile" in vehicle.model_fields_set else " (none named)"
+    whence = "" if vehicle.names_profile else " (none named)"
     return (
         f"{vehicle.body} flies as {kind.name}: {kind.mass_kg * 1e3:g} g, {kind.wheelbase_m * 1e3:g} mm, "
         f"hovers at {kind.hover_thrust_norm:.2f}{whence}"

@@ -269,9 +269,9 @@ def _slots(config: LabConfig, keys: Keys, key: str, shape: Shape) -> Iterator[Fi
 
 def _width(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     least_m, i = config.limits.min_separation_m, max(config.commanded, key=lambda i: _width_m(config, i))
-    if least_m < _width_m(config, i):
-        why = f"{config.vehicles[i].profile} is {_width_m(config, i):.2f} m wide: drones as near as that touch"
-        yield keys.warn("limits.min_separation_m", SEPARATION, why)
+    if least_m < (width_m := _width_m(config, i)):
+        why = f"{config.vehicles[i].profile} is {width_m:.2f} m wide: drones as near as that touch"
+        yield keys.reject("limits.min_separation_m", SEPARATION, why, f"{width_m:.2f} m or more")
 
 
 def _width_m(config: LabConfig, i: int) -> float:
@@ -527,10 +527,18 @@ def _profiles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         first = next(i for i in config.commanded if config.vehicles[i].profile != config.vehicles[0].profile)
         why = f"several profiles fly together ({', '.join(flown)}): the slowest sets how well the formation holds"
         yield keys.warn(vehicle_key(first, "profile"), NAMES, why)
+    unnamed = [i for i in config.commanded if not config.vehicles[i].names_profile and config.vehicles[i].link is None]
+    if unnamed:
+        bodies = ", ".join(config.vehicles[i].body for i in unnamed[:3]) + (", ..." if len(unnamed) > 3 else "")
+        kind = config.profile_of(config.vehicles[unnamed[0]])
+        why = (
+            f"{bodies}: no profile is named, and each is flown as {kind.name}, a vehicle of {kind.mass_kg * 1e3:.0f} g"
+        )
+        yield keys.warn(vehicle_key(unnamed[0], "profile"), NAMES, why, ", ".join(known_profiles(config)))
     for i, vehicle in enumerate(config.vehicles):
         if vehicle.link is not None and vehicle.sysid is None:
             yield keys.warn(vehicle_key(i, "link"), UNUSED, "without a sysid nothing is sent to it")
-        elif vehicle.link is not None and "profile" not in vehicle.model_fields_set:
+        elif vehicle.link is not None and not vehicle.names_profile:
             why = (
                 f"{vehicle.body} has a link, so it is a real drone, and no profile says which: this one is a simulated "
                 f'40 g vehicle. Write profile = "..." there: {", ".join(known_profiles(config))}'

@@ -19,12 +19,19 @@ from wire.ground_state import Alarm
 
 MARGIN_M = 0.3
 NEAREST_M = 0.1
+FILLED = 0.92
+"""Share of the picture that the room takes, of its width or its height: names of drones stand outside it."""
+LETTER_PX, LINE_PX = 8.0, 15.0
+"""Of the texts in the pictures, 13 px high in page.css."""
 Row = tuple[float, float, float, float]
 LEADER, FOLLOWER, BAD = "#F0E442", "#56B4E9", "#FF7A33"
 SMALLEST_PX = 7.0
 """Radius of a drone in the picture that can still be seen; a smaller one has a ring of that size around it."""
 CIRCLE = tuple((math.cos(k * math.pi / 12), math.sin(k * math.pi / 12)) for k in range(24))
 DIAGONAL = math.sqrt(0.5)
+AXES: tuple[tuple[str, Point], ...] = (("x", (0.5, 0.0, 0.0)), ("y", (0.0, 0.5, 0.0)))
+Box = tuple[float, float, float, float]
+"""Left, top, right and bottom, px."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,11 +98,19 @@ def perspective(fence: Fence, stand: Stand, width: float, height: float) -> Came
     def row(x: float, y: float, z: float, shift: float = 0.0) -> Row:
         return x, y, z, shift - (x * mx + y * my + z * mz)
 
-    away_m = 3.0 * reach_m * stand.away
-    focal = 1.6 * min(height, width / 1.15)
-    return Camera(
-        width, height, row(-sa, ca, 0.0), row(-ca * se, -sa * se, ce), row(-ca * ce, -sa * ce, -se, away_m), focal
-    )
+    right, up, away_m = row(-sa, ca, 0.0), row(-ca * se, -sa * se, ce), 3.0 * reach_m
+    usual = Camera(0.0, 0.0, right, up, row(-ca * ce, -sa * ce, -se, away_m), 1.0)
+    corners = [usual.project(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    (left, top), (end, bottom) = ([pick(c[k] for c in corners) for k in (0, 1)] for pick in (min, max))
+    focal = FILLED * min(width / (end - left), height / (bottom - top))
+    ahead = row(-ca * ce, -sa * ce, -se, away_m * stand.away)
+    across, down = -0.5 * (left + end), 0.5 * (top + bottom)  # puts the room's outline into the middle of the picture
+    return Camera(width, height, _sum(right, ahead, across), _sum(up, ahead, down), ahead, focal)
+
+
+def _sum(one: Row, other: Row, times: float) -> Row:
+    a, b, c, d = (x + times * y for x, y in zip(one, other, strict=True))
+    return a, b, c, d
 
 
 def still(camera: Camera, fence: Fence) -> str:
@@ -108,8 +123,8 @@ def still(camera: Camera, fence: Fence) -> str:
     box = [(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (floor, z1)]
     for i, one in enumerate(box):
         lines += [_line(camera, one, box[j], "fence") for j in range(i) if _differ(one, box[j]) == 1]
-    for name, end in (("x", (0.5, 0.0, floor)), ("y", (0.0, 0.5, floor))):
-        lines.append(_line(camera, (0.0, 0.0, floor), end, "axis") + _text(camera, end, name, "axist"))
+    for name, end in AXES:
+        lines.append(_line(camera, (0.0, 0.0, 0.0), end, "axis") + _text(camera, end, name, "axist"))
     return "".join(lines)
 
 
@@ -128,19 +143,29 @@ def moving(
     for body in shown.bodies:
         if len(body.trail_lab_m) > 1:
             parts.append(_polyline(camera, body.trail_lab_m, "trail", _colour(body)))
+    taken: list[Box] = []
+    for name, end in AXES:
+        x, y, _ = camera.project(*end)
+        _placed(taken, x, y - 4.0, name)
     parts += [_ring(camera, point, radius, "keepout") for point, radius in shown.keep_outs]
     parts += _marks(camera, shown.slots_lab_m, "slot", 12.0)
     parts += _marks(camera, preview_lab_m, "preview", 12.0)
+    texts: list[tuple[float, float, str]] = []
     for i, j, distance_m in shown.pairs:
         one, other = shown.bodies[i].pos_lab_m, shown.bodies[j].pos_lab_m
         middle = (0.5 * (one[0] + other[0]), 0.5 * (one[1] + other[1]), 0.5 * (one[2] + other[2]))
-        parts.append(_line(camera, one, other, "near") + _text(camera, middle, f"{distance_m:.2f} m", "neart"))
+        parts.append(_line(camera, one, other, "near"))
+        texts.append((*camera.project(*middle)[:2], f"{distance_m:.2f} m"))
     led = [(body.pos_lab_m, body.reference_lab_m) for body in shown.bodies if body.reference_lab_m is not None]
     for at, reference in led:
         x, y, _ = camera.project(*reference)
         parts.append(_line(camera, at, reference, "off"))
         parts.append(f'<path class="ref" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"/>')
-    parts += [_drone(camera, body, named=not crowd or body.leader or _troubled(body)) for body in shown.bodies]
+    for body in shown.bodies:
+        parts.append(_drone(camera, body, taken if not crowd or body.leader or _troubled(body) else None))
+    for x, y, text in texts:
+        x, y = _placed(taken, x, y - 4.0, text)
+        parts.append(f'<text class="neart" x="{x:.1f}" y="{y:.1f}">{text}</text>')
     return "".join(parts)
 
 
@@ -160,8 +185,28 @@ def _troubled(body: Body) -> bool:
     return body.rejected or not body.seen
 
 
-def _drone(camera: Camera, body: Body, named: bool) -> str:
-    """A quadcopter of its true size and attitude, its nose as a line, its shadow on the floor, its name."""
+def _placed(taken: list[Box], x: float, y: float, text: str, past: float = 0.0) -> tuple[float, float]:
+    """Where a text covers none of those before it, as near to x, its middle, and the baseline y as it can be.
+
+    past: the radius of what it names, px, from which y is a line's height down: it may stand above it or beside it.
+    """
+    half = 0.5 * LETTER_PX * len(text)
+    up, aside = -2.0 * past - 1.2 * LINE_PX, half + past + LETTER_PX
+    beside = [(0.0, up), (aside, 0.5 * up), (-aside, 0.5 * up)]
+    away = [(0.0, sign * k * LINE_PX) for k in range(1, 6) for sign in (1.0, -1.0)]
+    for dx, dy in ((0.0, 0.0), *beside, *away):
+        box = (x + dx - half, y + dy - 0.8 * LINE_PX, x + dx + half, y + dy + 0.2 * LINE_PX)
+        if not any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in taken):
+            taken.append(box)
+            return x + dx, y + dy
+    return x, y
+
+
+def _drone(camera: Camera, body: Body, taken: list[Box] | None) -> str:
+    """A quadcopter of its true size and attitude, its nose as a line, its shadow on the floor, its name.
+
+    taken: where other texts are; None for a drone that is not named.
+    """
     arm = 0.5 * body.size_m
     d = DIAGONAL * arm
     tips = [_tip(camera, body, sx * d, sy * d) for sx, sy in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
@@ -180,10 +225,10 @@ def _drone(camera: Camera, body: Body, named: bool) -> str:
         nx, ny = x + (nx - x) * 1.8 * SMALLEST_PX / length, y + (ny - y) * 1.8 * SMALLEST_PX / length
     parts.append(f'<path class="nose" d="{arms}M{x:.1f} {y:.1f}L{nx:.1f} {ny:.1f}"/>')
     parts += [f'<circle cx="{px:.1f}" cy="{py:.1f}" r="{rotor:.1f}"/>' for px, py, _ in tips]
-    if named:
-        mark = " ✖" if _troubled(body) else ""
-        down = y + max(arm * scale, SMALLEST_PX) + 14
-        parts.append(f'<text x="{x:.1f}" y="{down:.1f}">{escape(body.name)}{mark}</text>')
+    if taken is not None:
+        name, past = body.name + (" ✖" if _troubled(body) else ""), max(arm * scale, SMALLEST_PX)
+        x, y = _placed(taken, x, y + past + 14.0, name, past)
+        parts.append(f'<text x="{x:.1f}" y="{y:.1f}">{escape(name)}</text>')
     parts.append("</g>")
     return "".join(parts)
 

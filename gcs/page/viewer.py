@@ -25,6 +25,7 @@ from gcs.security.page_logins import Visitor
 Ask = Callable[[Verb, str, Visitor | None], Awaitable[OperatorReply]]
 
 WIDE, HIGH = 640.0, 540.0
+PANEL_LEAST_PX = 50.0
 MANY = 8
 PREVIEW_EVERY = 10
 ANSWER_FOR = 150
@@ -50,6 +51,8 @@ class Viewer:
         self._foreseen: Forecast | None = None
         fence = model.config.limits.fence
         self._crowd = len(model.config.commanded) > MANY
+        self._sizes = ((WIDE, HIGH), (WIDE, HIGH))
+        """Of the two rooms' panels, px, as the browser reports them."""
         self._above = above(fence, WIDE, HIGH)
         with ui.element("main").classes("page"):
             with ui.element("header").classes("head"):
@@ -60,8 +63,7 @@ class Viewer:
                     self._moving3 = ui.html(sanitize=False).classes("layer")
                     ui.html('<div class="name">drag to turn, wheel to zoom</div>', sanitize=False)
                 with ui.element("div").classes("room"):
-                    still = drawing.svg(self._above, drawing.still(self._above, fence), "the fence from above")
-                    ui.html(still, sanitize=False).classes("layer")
+                    self._still2 = ui.html(sanitize=False).classes("layer")
                     self._moving2 = ui.html(sanitize=False).classes("layer")
                     ui.html('<div class="name">from above</div>', sanitize=False)
             self._table = ui.html(sanitize=False).classes("table many" if self._crowd else "table")
@@ -73,6 +75,7 @@ class Viewer:
         ui.on("key", lambda event: self._key(str(event.args)))
         ui.on("turn", lambda event: self._turn(event.args))
         ui.on("zoom", lambda event: self._zoom(event.args))
+        ui.on("size", lambda event: self._resize(event.args))
         self._draw_still()
 
     def _side(self) -> None:
@@ -200,7 +203,7 @@ class Viewer:
         ahead = self._foreseen or model.start
         slots, path = ((), ()) if ahead is None else (ahead.slots_lab_m, ahead.path_lab_m)
         slots = slots if self._previewing is not None else ()
-        camera = perspective(fence, self._stand, WIDE, HIGH)
+        camera = perspective(fence, self._stand, *self._sizes[0])
         self._moving3.content = drawing.svg(
             camera, drawing.moving(camera, model.scene, slots, path, self._crowd), "the room"
         )
@@ -239,8 +242,17 @@ class Viewer:
 
     def _draw_still(self) -> None:
         fence = self._model.config.limits.fence
-        camera = perspective(fence, self._stand, WIDE, HIGH)
+        camera = perspective(fence, self._stand, *self._sizes[0])
+        self._above = above(fence, *self._sizes[1])
         self._still3.content = drawing.svg(camera, drawing.still(camera, fence), "the fence")
+        self._still2.content = drawing.svg(self._above, drawing.still(self._above, fence), "the fence from above")
+
+    def _resize(self, sizes: Any) -> None:
+        """The panels have other sizes now: the room fills each."""
+        with _browsers_words():
+            wide3, high3, wide2, high2 = (max(moved_px(size), PANEL_LEAST_PX) for size in sizes)
+            self._sizes = ((wide3, high3), (wide2, high2))
+            self._draw_still()
 
     def _preview(self, form: "Form") -> None:
         if self._previewing is not None and self._previewing is not form:

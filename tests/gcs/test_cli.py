@@ -95,7 +95,7 @@ def test_an_option_out_of_range_is_exit_code_two(tmp_path, monkeypatch, options)
 def test_a_preset_that_the_vehicles_lag_cannot_carry_is_rejected_with_the_numbers(tmp_path):
     lab = _lab(tmp_path)
     text = lab.read_text().replace("sysid = 2", 'sysid = 2\nprofile = "px4_quad"')
-    lab.write_text('control_preset = "paper"\n' + text)
+    lab.write_text('control_preset = "paper"\n' + text + "\n[limits]\nmin_separation_m = 0.45\n")
     result = runner.invoke(app, ["run", str(lab)])
     assert result.exit_code == 1
     margin = delay_margin(PX4_QUAD, preset_for("paper", PX4_QUAD, MocapConfig()), MocapConfig())

@@ -48,6 +48,9 @@ link = "udp:192.168.1.33:14550"
 guard = "none"
 profile = "px4_quad"
 offset_m = [-0.6, 0.6, 0.0]
+
+[limits]
+min_separation_m = 0.45
 """
 
 

@@ -1,5 +1,7 @@
 import json
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -128,3 +130,18 @@ def test_the_metadata_says_what_was_flown() -> None:
     assert json.loads(said["lab"])["leader"]["body"] == "leader"
     assert not {"machine", "date"} & set(said)  # the same on every machine and day
     assert topics.TRUTH.name == "sim/truth"
+
+
+WARMED = """
+from mocap.sources import poses
+from sim import lockstep
+lockstep.warm_up_all()
+print(len(poses._from_quaternions.signatures), len(poses._from_matrices.signatures))
+"""
+
+
+@pytest.mark.processes
+def test_what_is_compiled_once_reads_every_camera_system():
+    """Doctor and mocap process once compiled theirs in the lab, at the first look at the cameras."""
+    done = subprocess.run([sys.executable, "-c", WARMED], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["2", "2"]  # of float64 and float32

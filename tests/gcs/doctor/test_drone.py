@@ -136,3 +136,11 @@ def test_link_clock_health_battery_and_sysid():
     )
     assert _check(loss=0.2)["link"].grade is Grade.FAIL
     assert _check(round_trip_s=math.nan, clock_offset_s=None)["clock"].found == "no TIMESYNC"
+
+
+def test_a_drone_of_no_named_profile_is_compared_with_what_it_says_itself():
+    agrees = _check(names_profile=False)["profile"]
+    assert (agrees.grade, agrees.found) == (Grade.WARN, "none named: paper_40g, 40 g, hovers at 0.61")
+    other = _check(names_profile=False, parameters=_parameters(MPC_THR_HOVER=0.3))["profile"]
+    assert other.grade is Grade.FAIL
+    assert "the drone says MPC_THR_HOVER = 0.30" in other.why

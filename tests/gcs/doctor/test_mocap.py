@@ -1,5 +1,7 @@
+import asyncio
 import math
 from dataclasses import replace
+from typing import ClassVar, cast
 
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from formation.config import LabConfig
 from formation.maths import frames
 from formation.messages import RawFrame
 from gcs.doctor.checks import check_mocap
+from gcs.doctor.survey import Survey, examine
 from gcs.finding import Finding, Grade
 from mocap.core import MocapCore
 
@@ -122,3 +125,23 @@ def test_a_delay_that_is_only_the_configured_one_is_not_measured(source):
     bad = _bad(check_mocap(_lab(source=source, file="x", delay_s=0.008), _frames(delay_ms=8.0)))
     assert (bad["mocap", "delay"].found, bad["mocap", "delay"].grade) == ("not measured", Grade.WARN)
     assert bad["mocap", "lost frames"].found == "not measured"
+
+
+def test_without_a_camera_nobody_is_asked_to_move_a_drone():
+    """The doctor once had every drone stood and tipped, and then said that there were no frames."""
+
+    class Blind:
+        received: ClassVar[list[object]] = []
+        unknown_bodies, retimed_scatter_s, signing = (), None, ()
+
+        async def settle(self) -> None:
+            """Nothing comes."""
+
+        async def check_drones(self) -> tuple[Finding, ...]:
+            return ()
+
+    async def asked(text: str) -> None:
+        raise AssertionError(text)
+
+    found = asyncio.run(examine(_lab(), 0.0, asked, cast("Survey", Blind())))
+    assert {(f.check, f.found) for f in found} == {("frames", "0 frames"), ("axes", "not measured")}

@@ -55,7 +55,10 @@ def test_a_good_lab_is_drawn_and_told_in_numbers(tmp_path: Path) -> None:
     assert numbers["duration_s"] == 32.5
     assert numbers["length_m"] == pytest.approx(3 * 2 * np.pi * 0.5, rel=1e-3)
     assert sorted(v["profile"] for v in numbers["vehicles"].values()) == ["crazyflie_27g", "paper_40g"]
-    assert runner.invoke(app, ["check", str(written(tmp_path))]).output.endswith(": no errors, no warnings\n")
+    assert "leader: no profile is named, and each is flown as paper_40g, a vehicle of 40 g" in result.output
+    named = (("sysid = 1", 'sysid = 1\nprofile = "paper_40g"'), ("sysid = 2", 'sysid = 2\nprofile = "paper_40g"'))
+    good = runner.invoke(app, ["check", str(written(tmp_path, *named))])
+    assert good.output.endswith(": no errors, no warnings\n")
 
 
 def test_errors_come_first_each_at_its_line_and_as_json(tmp_path: Path) -> None:
@@ -67,7 +70,7 @@ def test_errors_come_first_each_at_its_line_and_as_json(tmp_path: Path) -> None:
     assert kinds == sorted(kinds)
     assert any(line.startswith(f"error: {lab}:6 leader.trajectory.radius_m = 30: ") for line in lines)
     assert any(line.startswith(f"warning: {lab}:12 flight.altitude_m = 0.1: ") for line in lines)
-    assert lines[-1] == f"{lab}: 3 errors, 1 warning"
+    assert lines[-1] == f"{lab}: 3 errors, 2 warnings"
     (finding, *_) = json.loads(runner.invoke(app, ["check", str(lab), "--json"]).stdout)["findings"]
     assert (finding["subject"], finding["found"], finding["grade"]) == ("leader.trajectory.radius_m", "30", "fail")
 

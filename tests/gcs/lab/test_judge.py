@@ -10,7 +10,7 @@ from gcs.lab.judge import judge
 from sim.scenario import load, shipped
 from wire.config_file import ConfigError, parse
 
-LEADER = {"body": "lead", "sysid": 1}
+LEADER = {"body": "lead", "sysid": 1, "profile": "paper_40g"}
 RIGHT, LEFT = [-0.4, -0.4, 0.0], [-0.4, 0.4, 0.0]
 
 
@@ -22,7 +22,7 @@ def lab(**changes: object) -> LabConfig:
 def followers(*offsets: list[float], **changes: object) -> list[dict[str, object]]:
     names = ("right", "left", "third", "fourth")
     return [
-        {"body": name, "sysid": 2 + k, "offset_m": offset, **changes}
+        {"body": name, "sysid": 2 + k, "offset_m": offset, "profile": "paper_40g", **changes}
         for k, (name, offset) in enumerate(zip(names, offsets, strict=False))
     ]
 
@@ -81,8 +81,9 @@ REFUSED: list[tuple[str, dict[str, object], str, str, str]] = [
     ("climb", {"flight": {"climb_m_s": 4.0}}, "flight.climb_m_s", "4", "limits.speed_m_s is 3"),
     ("grams", {"profiles": [{**OWN, "name": "ours", "mass_kg": 40.0}], "leader": {**LEADER, "profile": "ours"}},
      "profiles[0].thrust_max_n", "0.8", "0.00 times its weight"),
-    ("a real drone of no profile", {"leader": {**LEADER, "link": "udp:10.0.0.5:14550", "guard": "none"}},
-     "leader.profile", '"paper_40g"', 'Write profile = "..." there: paper_40g, paper_40g_printed, px4_quad'),
+    ("a real drone of no profile",
+     {"leader": {"body": "lead", "sysid": 1, "link": "udp:10.0.0.5:14550", "guard": "none"}}, "leader.profile",
+     '"paper_40g"', 'Write profile = "..." there: paper_40g, paper_40g_printed, px4_quad'),
     ("two profiles of one name", {"profiles": [{**OWN, "name": "ours"}] * 2, "leader": {**LEADER, "profile": "ours"}},
      "profiles[1].name", '"ours"', "two profiles"),
     ("same link", {"followers": followers(RIGHT, LEFT, link="udp:10.0.0.5:14550", guard="none")}, "followers[1].link",
@@ -110,6 +111,8 @@ REFUSED: list[tuple[str, dict[str, object], str, str, str]] = [
     ("behind an observed leader", {"leader": {"body": "lead"}, "followers": followers([-400.0, 0, 0])},
      "followers[0].offset_m", "[-400, 0, 0]", "farther from the leader than the fence is wide"),
     ("an unknown body's name", {"mocap": {"source": "vrpn", "names": {"A": "wand"}}}, "mocap.names", "", "wand is"),
+    ("wider than apart", {"leader": {**LEADER, "profile": "px4_quad"}}, "limits.min_separation_m", "0.2",
+     "0.43 m wide"),
     ("more than the whole", {"mocap": {"latency_s": 0.02}}, "mocap.latency_s", "0.02", "a part of delay_s"),
 ]  # fmt: skip
 WARNED: list[tuple[str, dict[str, object], str, str]] = [
@@ -118,8 +121,9 @@ WARNED: list[tuple[str, dict[str, object], str, str]] = [
     ("ground effect", {"flight": {"altitude_m": 0.2}}, "flight.altitude_m", "ground effect"),
     ("fast descent", {"flight": {"descend_m_s": 2.0}}, "flight.descend_m_s", "downwash"),
     ("near", {"followers": followers(RIGHT, [-0.4, -0.65, 0])}, "followers[1].offset_m", "brake for each other"),
-    ("wider than apart", {"leader": {**LEADER, "profile": "px4_quad"}}, "limits.min_separation_m", "0.43 m wide"),
-    ("several profiles", {"leader": {**LEADER, "profile": "px4_quad"}}, "followers[0].profile", "several profiles"),
+    ("no profile", {"leader": {"body": "lead", "sysid": 1}}, "leader.profile", "flown as paper_40g, a vehicle of 40 g"),
+    ("several profiles", {"leader": {**LEADER, "profile": "crazyflie_27g"}}, "followers[0].profile",
+     "several profiles"),
     ("no kind", {"leader": {**LEADER, "trajectory": {"radius_m": 0.5}}}, "leader.trajectory.kind", "holds its place"),
     ("another kind's key", {"leader": flies("line", radius_m=0.5)}, "leader.trajectory.radius_m", "does not use it"),
     ("laps or duration", {"leader": flies("circle", laps=2, duration_s=9.0)}, "leader.trajectory.duration_s", "laps"),
@@ -134,7 +138,8 @@ WARNED: list[tuple[str, dict[str, object], str, str]] = [
     ("names for nobody", {"mocap": {"names": {"A": "lead"}}}, "mocap.names", "as the lab does"),
     ("a spawn for nobody", {"followers": followers(RIGHT, spawn_lab_m=[1, 1, 0])}, "followers[0].spawn_lab_m", "mocap"),
     ("nothing guards it", {"leader": {**LEADER, "profile": "px4_quad", "link": "udp:127.0.0.1:14550", "guard": "none"},
-                           "followers": followers(RIGHT, LEFT, profile="px4_quad")}, "leader.guard", "COM_OBL_RC_ACT"),
+                           "followers": followers(RIGHT, LEFT, profile="px4_quad"),
+                           "limits": {"min_separation_m": 0.43}}, "leader.guard", "COM_OBL_RC_ACT"),
     ("a link to nobody", {"leader": {"body": "lead", "link": "udp:10.0.0.5:14550", "guard": "none"}}, "leader.link",
      "nothing is sent"),
     ("a profile for nobody", {"profiles": [{**OWN, "name": "ours"}]}, "profiles[0].name", "no vehicle names"),

@@ -1,6 +1,8 @@
 """The page's view model, on states of a GcsCore that flies fake drones: no browser, no bus."""
 
+import re
 from dataclasses import replace
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -321,6 +323,42 @@ def test_a_drone_is_drawn_with_its_true_size_and_heading(flight):
     from_x = perspective(fence, Stand(azimuth_rad=0.0, elevation_rad=0.3), 640.0, 480.0)
     assert from_x.project(0.0, 1.0, 1.0)[0] > from_x.project(0.0, -1.0, 1.0)[0]  # who looks along -x has y at the right
     assert from_x.project(2.0, 0.0, 1.0)[2] > from_x.project(-2.0, 0.0, 1.0)[2]  # what is nearer is larger
+
+
+def test_no_text_in_the_room_covers_another(flight):
+    """Names of drones that fly close to each other, the distances between them, and the axes' letters."""
+    config = triangle()
+    shown = scene(flight[Phase.FORMATION], config, Trails())
+    close = tuple(replace(body, pos_lab_m=(0.5 + 0.01 * k, 0.0, 0.0)) for k, body in enumerate(shown.bodies))
+    shown = replace(shown, bodies=close, pairs=((0, 1, 0.01), (1, 2, 0.01), (0, 2, 0.02)))
+    for camera in (above(config.limits.fence, 600.0, 400.0), perspective(config.limits.fence, Stand(), 600.0, 400.0)):
+        drawn = drawing.still(camera, config.limits.fence) + drawing.moving(camera, shown)
+        found = re.findall(r'<text[^>]* x="([-\d.]+)" y="([-\d.]+)">([^<]+)<', drawn)
+        assert len(found) == 2 + 3 + 3
+        texts = [(float(x), float(y), 4.0 * len(text)) for x, y, text in found]
+        for (x, y, half), (other_x, other_y, other_half) in combinations(texts, 2):
+            assert abs(x - other_x) >= half + other_half - 0.1 or abs(y - other_y) >= 14.9
+
+
+@pytest.mark.parametrize("size", [(640.0, 540.0), (1200.0, 300.0), (260.0, 700.0)])
+@pytest.mark.parametrize("azimuth_rad", [0.0, 0.8, -2.2])
+def test_the_room_fills_its_panel(size, azimuth_rad):
+    """Of one direction nearly all, of the other as much as its shape allows; nothing lies outside."""
+    fence = triangle().limits.fence
+    camera = perspective(fence, Stand(azimuth_rad=azimuth_rad), *size)
+    corners = product(*zip(fence.low_m[:2], fence.high_m[:2], strict=True), (0.0, fence.high_m[2]))
+    at = np.array([camera.project(*corner)[:2] for corner in corners])
+    assert np.all(at > 0.0)
+    assert np.all(at < size)
+    assert np.max(np.ptp(at, axis=0) / size) > 0.9
+
+
+def test_lateness_is_red_where_frames_are_missed_not_where_no_cycle_is_late(flight):
+    state = flight[Phase.FORMATION]
+    state = replace(state, counters=replace(state.counters, late_share=0.5))
+    vital = dict(show(state, None, 0.0).vital)
+    assert vital["late cycles"].text.startswith("0 of")
+    assert (vital["late cycles"].level, vital["frames missed"].level) == (Level.CALM, Level.BAD)
 
 
 def test_a_trajectory_is_foreseen_as_the_ground_will_answer():

@@ -8,10 +8,11 @@ import json
 import os
 import re
 import subprocess
+import sys
 from contextlib import nullcontext
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import typer
 
@@ -42,6 +43,8 @@ from wire.process.program import (
 )
 from wire.process.system import NOT_RIGHT, REJECTED, python_command
 from wire.text import rows
+
+T = TypeVar("T", str, int)
 
 app = program(
     "Fly a formation: `gcs run lab.toml` is the daemon, the other commands reach it from another terminal.",
@@ -111,6 +114,37 @@ def check(
     from gcs.lab import cli
 
     cli.check(lab, svg, as_json, overwrite)
+
+
+@app.command()
+def new(
+    lab: LabFile,
+    source: Annotated[str | None, typer.Option(help="Camera system: vicon, natnet, qualisys, vrpn ...")] = None,
+    followers: Annotated[int | None, typer.Option(min=1, max=100, help="How many.")] = None,
+    profile: Annotated[str | None, typer.Option(help="Vehicle of every drone.")] = None,
+) -> None:
+    """Write a lab file with comments, from three answers: given as options, or asked for on a terminal."""
+    from formation.vehicle.profile import PROFILES
+    from gcs.lab.new import SOURCES, lab_text
+
+    source = source or _answer(f"Camera system ({', '.join(SOURCES)})", "vicon")
+    count = followers or _answer("Number of followers", 2)
+    profile = profile or _answer(f"Vehicle ({', '.join(PROFILES)})", "crazyflie_27g")
+    for name, known, what in ((source, SOURCES, "source"), (profile, PROFILES, "profile")):
+        if name not in known:
+            fail(f"no {what} {name!r}: {', '.join(known)}", NOT_RIGHT)
+    try:
+        with lab.open("x", encoding="utf-8") as file:
+            file.write(lab_text(source, count, PROFILES[profile]))
+    except OSError as error:
+        fail(f"{lab}: {error.strerror}: choose another name", NOT_RIGHT)
+    print(f"{lab} written: set the cameras' host and the fence, then gcs check {lab}; gcs-sim run {lab}")
+
+
+def _answer(question: str, usual: T) -> T:
+    """The operator's answer, where there is a terminal to ask on, else what is usual."""
+    answer: T = typer.prompt(question, default=usual, err=True) if sys.stdin.isatty() else usual
+    return answer
 
 
 @app.command()

@@ -324,9 +324,9 @@ def _check_unnamed(report: DroneReport, model: GroundModel) -> Finding:
     """The profile of a drone whose entry names none, against the hover thrust by which the drone flies."""
     kind, value = report.profile, report.parameters.get(model.table.hover_parameter)
     found = f"none named: {kind.name}, {kind.mass_kg * 1e3:.0f} g, hovers at {kind.hover_thrust_norm:.2f}"
-    said = "" if value is None else f"; the drone says {model.table.hover_parameter} = {value:.2f}"
+    reported = "" if value is None else f"; the drone says {model.table.hover_parameter} = {value:.2f}"
     differs = value is not None and abs(value - kind.hover_thrust_norm) > HOVER_WITHIN * kind.hover_thrust_norm
-    why = f"it is flown as that vehicle{said}: write its profile in the lab file"
+    why = f"it is flown as that vehicle{reported}: write its profile in the lab file"
     return Finding(report.name, "profile", Grade.FAIL if differs else Grade.WARN, found, "a name", why)
 
 

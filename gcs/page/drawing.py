@@ -143,10 +143,10 @@ def moving(
     for body in shown.bodies:
         if len(body.trail_lab_m) > 1:
             parts.append(_polyline(camera, body.trail_lab_m, "trail", _colour(body)))
-    taken: list[Box] = []
+    covered: list[Box] = []
     for name, end in AXES:
         x, y, _ = camera.project(*end)
-        _placed(taken, x, y - 4.0, name)
+        _placed(covered, x, y - 4.0, name)
     parts += [_ring(camera, point, radius, "keepout") for point, radius in shown.keep_outs]
     parts += _marks(camera, shown.slots_lab_m, "slot", 12.0)
     parts += _marks(camera, preview_lab_m, "preview", 12.0)
@@ -162,9 +162,9 @@ def moving(
         parts.append(_line(camera, at, reference, "off"))
         parts.append(f'<path class="ref" d="M{x - 5:.1f} {y:.1f}h10M{x:.1f} {y - 5:.1f}v10"/>')
     for body in shown.bodies:
-        parts.append(_drone(camera, body, taken if not crowd or body.leader or _troubled(body) else None))
+        parts.append(_drone(camera, body, covered if not crowd or body.leader or _troubled(body) else None))
     for x, y, text in texts:
-        x, y = _placed(taken, x, y - 4.0, text)
+        x, y = _placed(covered, x, y - 4.0, text)
         parts.append(f'<text class="neart" x="{x:.1f}" y="{y:.1f}">{text}</text>')
     return "".join(parts)
 
@@ -185,7 +185,7 @@ def _troubled(body: Body) -> bool:
     return body.rejected or not body.seen
 
 
-def _placed(taken: list[Box], x: float, y: float, text: str, past: float = 0.0) -> tuple[float, float]:
+def _placed(covered: list[Box], x: float, y: float, text: str, past: float = 0.0) -> tuple[float, float]:
     """Where a text covers none of those before it, as near to x, its middle, and the baseline y as it can be.
 
     past: the radius of what it names, px, from which y is a line's height down: it may stand above it or beside it.
@@ -196,16 +196,16 @@ def _placed(taken: list[Box], x: float, y: float, text: str, past: float = 0.0) 
     away = [(0.0, sign * k * LINE_PX) for k in range(1, 6) for sign in (1.0, -1.0)]
     for dx, dy in ((0.0, 0.0), *beside, *away):
         box = (x + dx - half, y + dy - 0.8 * LINE_PX, x + dx + half, y + dy + 0.2 * LINE_PX)
-        if not any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in taken):
-            taken.append(box)
+        if not any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in covered):
+            covered.append(box)
             return x + dx, y + dy
     return x, y
 
 
-def _drone(camera: Camera, body: Body, taken: list[Box] | None) -> str:
+def _drone(camera: Camera, body: Body, covered: list[Box] | None) -> str:
     """A quadcopter of its true size and attitude, its nose as a line, its shadow on the floor, its name.
 
-    taken: where other texts are; None for a drone that is not named.
+    covered: where other texts are; None for a drone that is not named.
     """
     arm = 0.5 * body.size_m
     d = DIAGONAL * arm
@@ -225,9 +225,9 @@ def _drone(camera: Camera, body: Body, taken: list[Box] | None) -> str:
         nx, ny = x + (nx - x) * 1.8 * SMALLEST_PX / length, y + (ny - y) * 1.8 * SMALLEST_PX / length
     parts.append(f'<path class="nose" d="{arms}M{x:.1f} {y:.1f}L{nx:.1f} {ny:.1f}"/>')
     parts += [f'<circle cx="{px:.1f}" cy="{py:.1f}" r="{rotor:.1f}"/>' for px, py, _ in tips]
-    if taken is not None:
+    if covered is not None:
         name, past = body.name + (" ✖" if _troubled(body) else ""), max(arm * scale, SMALLEST_PX)
-        x, y = _placed(taken, x, y + past + 14.0, name, past)
+        x, y = _placed(covered, x, y + past + 14.0, name, past)
         parts.append(f'<text x="{x:.1f}" y="{y:.1f}">{escape(name)}</text>')
     parts.append("</g>")
     return "".join(parts)

@@ -284,9 +284,9 @@ def vital(state: GroundState, mocap: Mapping[str, Any] | None) -> tuple[tuple[st
             ("frames lost", Cell(f"{lost:.1%}", Level.WARN if lost > 0.05 else Level.CALM)),
         ]
     late = f"{cycles.late} of {cycles.count}, worst {cycles.worst_ms:.0f} ms"
-    missed = state.counters.late_share
+    share = state.counters.late_share
     texts.append(("late cycles", Cell(late)))
-    texts.append(("frames missed", Cell(f"{missed:.0%}", Level.BAD if missed > 0.2 else Level.CALM)))
+    texts.append(("frames missed", Cell(f"{share:.0%}", Level.BAD if share > 0.2 else Level.CALM)))
     text = f"{log.name}, " + ("-" if log.bytes is None else f"{log.bytes / MB:.1f} MB")
     texts.append(("log", Cell(state.log_trouble or text, Level.BAD if state.log_trouble else Level.CALM)))
     if (free := log.free_bytes) is not None:

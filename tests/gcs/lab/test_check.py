@@ -1,6 +1,7 @@
 """`gcs check`: what it prints, draws and exits with; and that `gcs run` refuses the same."""
 
 import json
+import tomllib
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -8,12 +9,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from formation.codes import FlightResult
+from formation.config import LabConfig
+from formation.vehicle.profile import PROFILES
 from gcs.cli.app import app
 from gcs.finding import Finding, Grade
 from gcs.lab.drawing import drawn
-from gcs.lab.judge import foreseen
+from gcs.lab.judge import foreseen, judge
+from gcs.lab.new import SOURCES, lab_text
 from gcs.lab.plan_svg import svg_plan
+from sim import lockstep
 from sim.scenario import load
+from wire.config_file import parse
 
 runner = CliRunner()
 SVG = "{http://www.w3.org/2000/svg}"
@@ -137,3 +144,28 @@ def test_what_leaves_the_fence_is_drawn_as_plain_as_the_fence(tmp_path: Path) ->
     root = ElementTree.parse(svg).getroot()
     colour = next(r for r in root.iter(f"{SVG}rect") if r.get("fill-opacity") == "0.025").get("stroke")
     assert len([way for way in root.iter(f"{SVG}polyline") if way.get("stroke") == colour]) == 1
+
+
+@pytest.mark.parametrize("source", SOURCES)
+@pytest.mark.parametrize("kind", PROFILES)
+@pytest.mark.parametrize("followers", [1, 3, 20])
+def test_a_new_lab_file_is_accepted(source: str, kind: str, followers: int) -> None:
+    config = parse(tomllib.loads(lab_text(source, followers, PROFILES[kind])), LabConfig, source="new")
+    assert [finding for finding in judge(config) if finding.grade is Grade.FAIL] == []
+    assert {finding.subject for finding in judge(config)} <= {"formation.spacing_m"}  # a shape for another room
+    assert (config.mocap.source, len(config.followers)) == (source, followers)
+
+
+def test_a_new_lab_file_is_written_once_and_flies(tmp_path: Path) -> None:
+    lab = tmp_path / "lab.toml"
+    asked = ["new", str(lab), "--source", "vicon", "--followers", "3"]
+    assert runner.invoke(app, asked).exit_code == 0
+    written = lab.read_text()
+    again = runner.invoke(app, [*asked, "--followers", "1"])
+    assert (again.exit_code, lab.read_text()) == (2, written)
+    assert "lab.toml: File exists" in again.output
+    flown, _ = lockstep.run_in_memory(load(str(lab)), 1)
+    assert flown.outcome.result is FlightResult.LANDED
+    wrong = runner.invoke(app, ["new", str(tmp_path / "other.toml"), "--source", "optitrack"])
+    assert wrong.exit_code == 2
+    assert "natnet" in wrong.output

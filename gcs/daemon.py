@@ -75,8 +75,9 @@ from wire.transport.mocap_bus import MocapBus
 from wire.transport.stop_port import stop_ports
 from wire.transport.zenoh_bus import Reply, ZenohBus
 
-ROUTED = Event(
-    Severity.WARNING, "ground", "the bus is a router that is not this ground's: it ends with that router"
+BORROWED = Event(
+    Severity.WARNING, "ground", "the bus is another ground's or a router's, and ends with it: give this lab a port of "
+    "its own, [link] zenoh_listen"
 )  # fmt: skip
 LISTENS = Event(Severity.INFO, "ground", f"the lab file names no bus (link.zenoh_connect): it is here, at {ENDPOINT}")
 STATE_NS, DISK_NS = 100_000_000, 1_000_000_000
@@ -383,8 +384,8 @@ async def run(
             ground.exposed = INSECURE if protection.bus.insecure else ""
             if bus.listens and not config.link.names_bus:
                 ground.report(LISTENS)
-            elif bus.is_routed and not config.link.names_bus:
-                ground.report(ROUTED)
+            elif bus.is_joined and not config.link.names_bus:
+                ground.report(BORROWED)
             ground.links = await open_links(config, bus, ground.receive_datagram)
             try:
                 know_other_grounds(bus, name, session, ground)

@@ -13,10 +13,10 @@ import pytest
 
 import gcs.daemon
 from formation import topics
-from formation.config import LabConfig
+from formation.config import LabConfig, LinkConfig
 from formation.messages import Event, LabFrame, OperatorRequest, Phase, Verb
 from gcs.core import BrokenInvariantError, GcsCore, Outgoing
-from gcs.daemon import Ground, GroundFailure, RunResult, Timing, know_other_grounds, run
+from gcs.daemon import BORROWED, Ground, GroundFailure, RunResult, Timing, know_other_grounds, run
 from gcs.replay import replay
 from tests.free_ports import free_port
 from tests.gcs.bus import a_lab, hub_of
@@ -241,6 +241,23 @@ def test_a_core_that_breaks_ends_the_daemon_with_its_reason_and_a_whole_log(tmp_
     assert check_log(log).complete
 
 
+def test_a_bus_of_another_labs_ground_is_named_with_the_way_to_ones_own(tmp_path):
+    """Two labs on one machine, neither of which says where its bus is: the second one's ends with the first's."""
+    endpoint, events = f"tcp/127.0.0.1:{free_port()}", list[Event]()
+    link = LinkConfig.model_construct(_fields_set=set(), zenoh_connect=(endpoint,))
+    config = _lab(tmp_path).model_copy(update={"link": link})
+
+    async def run_second() -> None:
+        first = await ZenohBus.open(LinkConfig(zenoh_listen=(endpoint,)), "another")
+        try:
+            await _until_over(config, tmp_path, events)
+        finally:
+            await first.close()
+
+    asyncio.run(run_second())
+    assert BORROWED in events
+
+
 def test_a_port_that_is_taken_is_named(tmp_path):
     config = _lab(tmp_path)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
@@ -248,7 +265,9 @@ def test_a_port_that_is_taken_is_named(tmp_path):
         port = taken.getsockname()[1]
         link = config.link.model_copy(update={"kind": "udp", "ground_port_base": port - 2})
         config = config.model_copy(update={"link": link})
-        with pytest.raises(OSError, match=f"UDP ports {port} on 127.0.0.1: Address already in use"):
+        with pytest.raises(
+            OSError, match=f"UDP ports {port} on 127.0.0.1: Address already in use: .*process {os.getpid()}"
+        ):
             asyncio.run(_until_over(config, tmp_path, []))
 
 

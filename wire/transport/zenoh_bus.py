@@ -265,11 +265,6 @@ class ZenohBus:
         info = self._session.info
         return bool(info.peers_zid() or info.routers_zid())
 
-    @property
-    def is_routed(self) -> bool:
-        """Whether the bus is a router's, as ROS 2's rmw_zenohd is."""
-        return bool(self._session.info.routers_zid())
-
     async def close(self) -> None:
         """Leave the bus; nothing is delivered afterwards."""
         for inbox in self._inboxes:

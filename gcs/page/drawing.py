@@ -147,6 +147,10 @@ def moving(
     for name, end in AXES:
         x, y, _ = camera.project(*end)
         _placed(covered, x, y - 4.0, name)
+    for body in shown.bodies:
+        x, y, scale = camera.project(*body.pos_lab_m)
+        r = max(0.5 * body.size_m * scale, SMALLEST_PX)
+        covered.append((x - r, y - r, x + r, y + r))
     parts += [_ring(camera, point, radius, "keepout") for point, radius in shown.keep_outs]
     parts += _marks(camera, shown.slots_lab_m, "slot", 12.0)
     parts += _marks(camera, preview_lab_m, "preview", 12.0)

@@ -4,6 +4,7 @@ Three drones in formation, twenty, a trajectory before it is chosen, an alarm, a
 latched.
 """
 
+import hashlib
 import subprocess
 import sys
 import tempfile
@@ -19,6 +20,8 @@ from tests.gcs.page.browser import Tab, browser
 from tests.gcs.page.flights import page_server
 
 SIZE = (1600, 900)
+TAKEN_OF = "taken-of.sha256"
+"""Beside the pictures: the hash of the page's files of which they were taken."""
 
 
 @contextmanager
@@ -69,8 +72,16 @@ def main(out: Path) -> None:
                 else:
                     _incidents(tab, process, out)
 
-    for file in out.glob("*.png"):
+    for file in out.glob("[!r]*.png"):  # Rerun's window is taken by hand
         small(file)
+    (out / TAKEN_OF).write_text(sources_hash() + "\n", encoding="ascii")
+
+
+def sources_hash() -> str:
+    """A hash of what draws the page: pictures that were taken of another one are out of date."""
+    page = Path(__file__).parents[2] / "gcs" / "page"
+    files = [page / "drawing.py", page / "viewer.py", *sorted((page / "browser").iterdir())]
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def _choice(tab: Tab, process: "subprocess.Popen[bytes]", out: Path) -> None:

@@ -98,7 +98,8 @@ def test_everything_can_be_reached_and_what_drones_say_is_text(tmp_path: Path) -
         tab.press(" ", "Space", 32)
         tab.until("document.querySelector('.stopped')?.textContent.startsWith('3 of 3')")
         tab.until("document.querySelector('.answer').textContent.startsWith('stop: ')")
-        controls = ("#do-land", "#do-reset", "#do-shape", ".form.way .q-field", "#do-trajectory", ".alarm")
+        tab.until("!document.querySelector('.alarm') && document.querySelector('.alarms summary')")  # its fault is over
+        controls = ("#do-land", "#do-reset", "#do-shape", ".form.way .q-field", "#do-trajectory", ".alarms summary")
         boxes = [box(tab, control) for control in controls]
         assert all(top >= 0.0 and bottom <= 900.0 for _, top, _, bottom in boxes)
         assert all(apart(one, other) for one, other in combinations(boxes, 2))

@@ -168,7 +168,7 @@ class GuardCore:
         if self._feed.fresh(now_ns):
             self._takeover.rest(now_ns, still=self._hold.update_rest(now_ns, armed=self._takeover.armed))
         self._act_on_faults()
-        if pose is not None:
+        if pose is not None and not self._takeover.descends_alone:
             self._send_autopilot(pose)
         self._update_due()
 
@@ -307,7 +307,8 @@ class GuardCore:
     def _lands(self, now_ns: int) -> bool:
         """Whether this process lands the body itself, as commanded: its autopilot's estimate is of faulty poses."""
         stage = self._takeover.stream.stage
-        if not self._feed.is_rejecting or not self._takeover.on_fault(Trigger.LAND_COMMAND, now_ns):
+        is_rejecting = self._feed.is_rejecting or self._takeover.descends_alone
+        if not is_rejecting or not self._takeover.on_fault(Trigger.LAND_COMMAND, now_ns):
             return False
         if stage is Stage.HOLD:
             self._report(*LANDS_ITSELF)

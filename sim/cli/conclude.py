@@ -11,6 +11,8 @@ from analysis.metrics import Summary
 from formation.codes import FlightResult, Outcome
 from formation.messages import Phase
 from wire.files import new_file, recorded
+from wire.logs.views import AGE_NAME
+from wire.mavlink.frames import named_values
 from wire.process.daemon import LATE_NS
 
 LATELY_S = 2.0
@@ -40,8 +42,8 @@ def conclude(
 
 
 def _starved(outcome: Outcome, flight: Flight, speed: float) -> Outcome:
-    """The outcome, `starved` where poses or cycles were later than a simulator may be just before it was aborted; with
-    the speed at which they would not have been."""
+    """The outcome, `starved` where a simulator was later than it may be just before the flight was aborted; with the
+    speed at which it would not have been."""
     result, reason = outcome.result, outcome.reason
     ends_s = [span.start_s for span in flight.spans(Phase.LAND)] or [flight.duration_s]
     late_s = _latest_s(flight, ends_s[0])
@@ -49,18 +51,26 @@ def _starved(outcome: Outcome, flight: Flight, speed: float) -> Outcome:
     if result is not FlightResult.STARVED and (not aborted or late_s <= LATE_NS * 1e-9):
         return outcome
     if aborted:
-        reason = f"poses or control cycles were {1e3 * late_s:.0f} ms late, the machine is too slow ({reason})"
+        reason = (
+            f"poses, control cycles or setpoints were {1e3 * late_s:.0f} ms late, the machine is too slow ({reason})"
+        )
     fitting = min(0.35, 0.5 * LATE_NS * 1e-9 / max(late_s, 1e-3)) * speed
     return Outcome(FlightResult.STARVED, f"{reason}; fly with --speed {max(fitting, 0.01):.2g}")
 
 
 def _latest_s(flight: Flight, end_s: float) -> float:
-    """How late, beyond what is usual, a pose reached the ground or a cycle ended in the time before end_s."""
+    """How late, beyond what is usual, poses, cycles and setpoints were about end_s; these by the drones' own report.
+
+    A drone's process that is late shows its pose too seldom for the cameras: it looks like a body that is not seen.
+    """
     delays_s = flight.poses.received_s - flight.poses.t_s
     lately = (flight.poses.received_s > end_s - LATELY_S) & (flight.poses.received_s <= end_s + LATELY_S)
     cycles = flight.timing.where(np.abs(flight.timing.t_s - end_s) < LATELY_S)
     pose_s = float((delays_s[lately] - np.median(delays_s)).max()) if lately.any() else 0.0
-    return max(pose_s, float(cycles["latency_s"].max(initial=0.0)))
+    reported, ages_ms = named_values(flight.up.frames, AGE_NAME)
+    old_ms = ages_ms[np.abs(flight.up.t_s[reported["datagram"]] - end_s) < LATELY_S]
+    setpoint_s = 1e-3 * float(old_ms.max() - np.median(ages_ms)) if old_ms.size else 0.0
+    return max(pose_s, setpoint_s, float(cycles["latency_s"].max(initial=0.0)))
 
 
 def _joined(host: Outcome, log: Outcome) -> Outcome:

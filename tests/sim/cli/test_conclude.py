@@ -3,10 +3,13 @@
 import pytest
 
 from analysis.load import from_records
+from formation import topics
 from formation.codes import FlightResult, Outcome
-from formation.messages import LabFrame
+from formation.messages import Datagram, LabFrame
 from sim.cli.conclude import _joined, _starved
 from tests.analysis.synthetic_flight import METADATA, T0_NS, Recipe, Record, records
+from wire.link_messages import Address, NamedValue
+from wire.mavlink.codec import Codec
 
 LANDED = Outcome(FlightResult.LANDED)
 
@@ -38,11 +41,23 @@ def test_the_worse_of_both_is_told_with_both_reasons(host: Outcome, log: Outcome
     assert _joined(host, log) == told
 
 
+@pytest.mark.parametrize(("age_ms", "is_starved"), [(400.0, True), (60.0, False)])
+def test_a_drone_that_had_old_setpoints_before_the_end_was_late(age_ms: float, is_starved: bool) -> None:
+    """Its process shows its pose too seldom for the cameras then, which looks like a body that is not seen."""
+    codec, ages = Codec(Address(2, 1)), {10.0: 12.0, 12.0: 12.0, 15.5: age_ms}
+    said = [
+        Record(topics.LINK_UP, T0_NS + round(t_s * 1e9), Datagram(2, codec.encode(NamedValue(0, "age_ms", age))))
+        for t_s, age in ages.items()
+    ]
+    flight = from_records(METADATA, sorted([*records(Recipe()), *said], key=lambda record: record.t_ns))
+    assert (_starved(aborted("body not seen for 0.4 s"), flight, 1.0).result is FlightResult.STARVED) == is_starved
+
+
 @pytest.mark.parametrize(
     ("late_s", "outcome", "told"),
     [
-        (0.4, aborted("body not seen for 0.4 s"), starved("poses or control cycles were 400 ms late, the machine is "
-         "too slow (body not seen for 0.4 s); fly with --speed 0.12")),
+        (0.4, aborted("body not seen for 0.4 s"), starved("poses, control cycles or setpoints were 400 ms late, "
+         "the machine is too slow (body not seen for 0.4 s); fly with --speed 0.12")),
         (0.4, LANDED, LANDED),
         (0.4, lost("F fell"), lost("F fell")),
         (0.05, aborted("body not seen for 0.4 s"), aborted("body not seen for 0.4 s")),

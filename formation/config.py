@@ -216,11 +216,15 @@ class LinkConfig(Model):
     """UDP port of a drone: base plus sysid."""
     zenoh_listen: tuple[Endpoint, ...] = ()
     """Endpoints at which the ground listens on the bus."""
-    zenoh_connect: tuple[Endpoint, ...] = Field(
-        default_factory=lambda values: () if values.get("zenoh_listen") else (ENDPOINT,)
-    )
-    """Endpoints of the bus to which every program connects; not given: `zenoh_listen`, or else `tcp/127.0.0.1:7447`."""
+    zenoh_connect: tuple[Endpoint, ...] = (ENDPOINT,)
+    """Endpoints of the bus to which every program connects; where only `zenoh_listen` is given, that."""
     imu_rate_hz: Annotated[float, NoFlag, Field(ge=0.0, le=250.0)] = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _connect_where_it_listens(cls, values: Any) -> Any:
+        alone = isinstance(values, dict) and values.get("zenoh_listen") and "zenoh_connect" not in values
+        return {**values, "zenoh_connect": ()} if alone else values
 
     @property
     def joined(self) -> "LinkConfig":

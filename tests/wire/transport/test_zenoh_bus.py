@@ -2,6 +2,7 @@
 The lab's bus over real Zenoh sessions on loopback."""
 
 import asyncio
+import os
 import socket
 import subprocess
 import sys
@@ -241,7 +242,9 @@ def test_a_name_that_is_no_key_is_refused(lab):
 async def test_a_taken_port_is_refused_in_words():
     listening, _ = ends()
     async with joined(listening):
-        with pytest.raises(BusError, match=r"Address already in use \(os error 98\)\]$"):
+        with pytest.raises(
+            BusError, match=rf"\(process {os.getpid()}\) has the port \(.*Address already in use \(os error 98\)\]\)$"
+        ):
             await ZenohBus.open(listening, "lab")
 
 

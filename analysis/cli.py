@@ -14,7 +14,7 @@ import typer
 
 from wire.errors import ConfigError
 from wire.files import demand_absent, new_file, new_folder, write_edited
-from wire.process.program import Overwrite, Program, print_json_error
+from wire.process.program import Overwrite, Program, print_json_error, progress_line
 
 if TYPE_CHECKING:
     from analysis.catalogue import CatalogueRow
@@ -236,10 +236,10 @@ def export(
     from analysis.tables import load, to_csv, to_parquet
     from wire.logs.mcap_read import read_log
 
-    writers: dict[str, tuple[bool, Callable[[Path], list[Path]]]] = {
-        "csv": (csv, lambda folder: to_csv(load(log), folder)),
-        "parquet": (parquet, lambda folder: to_parquet(load(log), folder)),
-        "rosbag2": (rosbag2, lambda folder: bag.write(read_log(log), folder)),
+    writers: dict[str, tuple[bool, Callable[[Path, Callable[[str], None]], list[Path]]]] = {
+        "csv": (csv, lambda folder, show: to_csv(load(log), folder, show)),
+        "parquet": (parquet, lambda folder, show: to_parquet(load(log), folder, show)),
+        "rosbag2": (rosbag2, lambda folder, show: bag.write(read_log(log), folder, show)),
     }
     chosen = [(kind, write) for kind, (is_wanted, write) in writers.items() if is_wanted]
     if len(chosen) != 1:
@@ -248,7 +248,8 @@ def export(
     with _refusing():
         read_log(log)  # no folder is made for what is no log
         folder = new_folder(out or log.with_name(f"{log.stem}-{kind}"), overwrite)
-        written = write(folder)
+        with progress_line("gcs-log") as show:
+            written = write(folder, show)
     result = {"folder": str(folder), "files": [str(path) for path in written]}
     typer.echo(json.dumps(result) if as_json else f"{len(written)} files in {folder}")
 

@@ -44,8 +44,9 @@ class Shown:
 
     @property
     def command(self) -> str:
-        """Its name as LaTeX's commands can have it: letters alone."""
-        words = re.findall(r"[A-Za-z]+|[0-9]", self.name)
+        """Its name as LaTeX's commands can have it: Latin letters alone, others spelled by their code points."""
+        spelled = re.sub(r"[^\W\d_]", lambda found: found[0] if found[0].isascii() else f" u{ord(found[0])}", self.name)
+        words = re.findall(r"[A-Za-z]+|[0-9]", spelled)
         return "".join(DIGITS[int(word)] if word.isdigit() else word[0].upper() + word[1:] for word in words)
 
 

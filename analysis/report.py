@@ -16,9 +16,9 @@ from analysis.metrics import Age, Latency, Summary, rms, summarise, vibration_of
 from analysis.page import Folded, Part, Row, Table, mm, render, table
 from analysis.plots import control, motion, style
 from analysis.plots.style import Drawing, Missing
-from analysis.series import Series
+from analysis.series import Series, nearest
 from analysis.tracking import LeaderTracking, Tracking, in_formation_phase, reference_lab_m, track, track_leader
-from formation.maths.arrays import Float
+from formation.maths.arrays import Bool, Float
 from formation.messages import Event, Severity, rejection_text
 from wire.text import parse_object
 
@@ -94,7 +94,8 @@ def write(flight: Flight, summary: Summary, path_html: Path, damage: str = "") -
 def html(flight: Flight, summary: Summary, damage: str = "") -> str:
     """The page of a flight; its prose is in `report.html`."""
     tracking = track(flight)
-    name = (flight.run.scenario or "flight").replace("_", " ").capitalize()
+    lab = flight.run.lab
+    name = (flight.run.scenario or ("flight" if lab is None else lab.name)).replace("_", " ").capitalize()
     return render(
         "report.html",
         title=f"{name} · flight report",
@@ -149,12 +150,16 @@ def drawings(flight: Flight, tracking: Tracking) -> dict[str, tuple[Drawing, ...
         }
 
 
+SHOWN_EVENTS = 20
+"""Lines of a table that a reader looks through."""
+
+
 def _event_tables(flight: Flight) -> tuple[Part, ...]:
-    """The events that an operator must know, and all others folded away; repeated events are one line."""
+    """The first events that an operator must know, and all others folded away; repeated events are one line."""
     every = folded(flight.events)
     if not every:
         return (Missing("no event was recorded"),)
-    notable = folded(flight.events, Severity.NOTICE)
+    notable = folded(flight.events, Severity.NOTICE)[:SHOWN_EVENTS]
     if len(notable) == len(every):
         return (_events(every),)
     return _events(notable), Folded(f"All {len(flight.events)} events", _events(every))
@@ -287,7 +292,7 @@ def altitudes(flight: Flight) -> Table | None:
     """One row a vehicle, over the formation phase; None where it was not flown."""
     colours, rows = style.colours(len(flight.vehicles)), []
     for i, vehicle in enumerate(flight.vehicles):
-        mean_m, commanded_m = _measured_m(flight, i), _commanded_m(flight, vehicle.column)
+        mean_m, commanded_m = _measured_m(flight, i), _commanded_m(flight, i, vehicle.column)
         if mean_m is None:
             continue
         error = "–" if commanded_m is None else f"{1e3 * (mean_m - commanded_m):+.2f}"
@@ -300,14 +305,23 @@ def altitudes(flight: Flight) -> Table | None:
 def _measured_m(flight: Flight, i: int) -> float | None:
     if not len(flight.poses):
         return None
-    chosen = in_formation_phase(flight, flight.poses.t_s) & flight.poses.seen[:, i]
+    chosen = _formed(flight, i, flight.poses.t_s) & flight.poses.seen[:, i]
     return float(flight.poses.pos_lab_m[chosen, i, 2].mean()) if chosen.any() else None
 
 
-def _commanded_m(flight: Flight, column: int | None) -> float | None:
+def _formed(flight: Flight, i: int, t_s: Float) -> Bool:
+    """When vehicle i was in formation (T,): a follower that lands alone is so no more."""
+    formed, reference, column = in_formation_phase(flight, t_s), flight.reference, flight.vehicles[i].column
+    if i == 0 or column is None or not len(reference):
+        return formed
+    held: Bool = formed & (reference["in_formation"][nearest(reference.t_s, t_s), column])
+    return held
+
+
+def _commanded_m(flight: Flight, i: int, column: int | None) -> float | None:
     if column is None or not len(flight.reference):
         return None
-    chosen = in_formation_phase(flight, flight.reference.t_s)
+    chosen = _formed(flight, i, flight.reference.t_s)
     return float(reference_lab_m(flight.reference)[chosen, column, 2].mean()) if chosen.any() else None
 
 

@@ -5,7 +5,7 @@ Its metadata are those of Humble (version 5), which later distributions read, to
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
@@ -24,6 +24,8 @@ RECORDED = (
     topics.LINK_UP,
 )  # fmt: skip
 VERSION = 5
+SHOWN_MESSAGES = 1000
+"""So often progress is shown."""
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 _LAST, _RELIABLE, _TRANSIENT_LOCAL, _VOLATILE, _AUTOMATIC = 1, 1, 1, 2, 1
 
@@ -31,7 +33,7 @@ Message = tuple[int, Shown]
 """(date of its record, topic and message)."""
 
 
-def write(log: Log, folder: Path) -> list[Path]:
+def write(log: Log, folder: Path, progress: Callable[[str], None] = lambda _text: None) -> list[Path]:
     """Write the bag into an empty folder; its files. Raises OSError, and LogError where the log names no lab."""
     lab = lab_of(log.metadata)
     if lab is None:
@@ -40,7 +42,9 @@ def write(log: Log, folder: Path) -> list[Path]:
     flight = Flight(lab)
     with path.open("wb") as stream:
         bag = _Bag(Writer(stream, compression=CompressionType.ZSTD), flight.types)
-        for unix_ns, shown in _messages(log, lab, flight):
+        for count, (unix_ns, shown) in enumerate(_messages(log, lab, flight)):
+            if count % SHOWN_MESSAGES == 0:
+                progress(f"{count} messages written")
             bag.add(unix_ns, shown)
         bag.finish()
     described = folder / "metadata.yaml"

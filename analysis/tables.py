@@ -8,7 +8,7 @@ import csv
 import json
 import pickle
 import sys
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cache, cached_property
@@ -193,10 +193,11 @@ if __name__ == "__main__":
 WITHOUT_PYARROW = "--parquet needs pyarrow: pip install 'mavlink-formation[parquet]'"
 
 
-def to_csv(log: LogTables, folder: Path) -> list[Path]:
+def to_csv(log: LogTables, folder: Path, progress: Callable[[str], None] = lambda _text: None) -> list[Path]:
     """One TOPIC.csv a table, and metadata.json; numbers with every digit they have, bytes in hexadecimal. OSError."""
     written = [_metadata(log, folder)]
     for topic, table in log.tables:
+        progress(f"writing {topic}")
         path = folder / f"{_name(topic)}.csv"
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
@@ -206,7 +207,7 @@ def to_csv(log: LogTables, folder: Path) -> list[Path]:
     return written
 
 
-def to_parquet(log: LogTables, folder: Path) -> list[Path]:
+def to_parquet(log: LogTables, folder: Path, progress: Callable[[str], None] = lambda _text: None) -> list[Path]:
     """One TOPIC.parquet a table, and metadata.json. OSError; LogError without pyarrow."""
     try:
         import pyarrow as pa
@@ -215,6 +216,7 @@ def to_parquet(log: LogTables, folder: Path) -> list[Path]:
         raise LogError(WITHOUT_PYARROW) from error
     written = [_metadata(log, folder)]
     for topic, table in log.tables:
+        progress(f"writing {topic}")
         path = folder / f"{_name(topic)}.parquet"
         pq.write_table(pa.table(_arrays(table)), path)
         written.append(path)

@@ -8,7 +8,7 @@ import numpy as np
 from analysis.load import Flight
 from analysis.metrics import Summary
 from analysis.tracking import Tracking, in_formation_phase
-from formation.codes import FlightResult, Outcome
+from formation.codes import EventCode, FlightResult, Outcome
 from formation.config import FollowerConfig, LabConfig, TrajectoryConfig
 from formation.messages import Phase, Saturation, Severity
 
@@ -16,6 +16,9 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 DIRECTIONS = (("ahead of", "behind"), ("left of", "right of"), ("above", "below"))
 LEADER_FAR_M = 0.02
 GAP_FRAMES = 2.5  # a wait longer than this many usual frame spacings is a gap
+
+MEMBERSHIP = (EventCode.SHAPE, EventCode.TRAJECTORY, EventCode.EXCLUDED, EventCode.RELEASED)
+"""Events by which the formation became another one: its shape, its way, who flies in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +130,11 @@ def happened(flight: Flight, tracking: Tracking, summary: Summary) -> str:
     if flight.phases[-1].phase is Phase.GROUND and len(steps) > 1:
         steps.append(f"was back on the ground at {flight.phases[-1].start_s:.1f} s")
     text = f"The swarm {listed(tuple(steps))}. " if steps else "Nothing left the ground. "
+    text += "".join(
+        f"At {t_s:.1f} s: {event.text}. "
+        for t_s, event in zip(flight.events.t_s, flight.events.messages, strict=True)
+        if event.code in MEMBERSHIP
+    )
     if tracking.scored.any():
         rate_hz = 1.0 / float(np.median(np.diff(tracking.t_s)))
         scored_s = float(tracking.scored.any(axis=1).sum()) / rate_hz

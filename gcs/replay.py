@@ -56,20 +56,22 @@ class Replay:
         return self.difference is None
 
 
+SHOWN_NS = 1_000_000_000
 Output = tuple[Topic, object]
 Array = NDArray[Any]
 
 
-def replay(log: Log) -> Replay:
+def replay(log: Log, progress: Callable[[str], None] = lambda _text: None) -> Replay:
     """Feed the log's inputs to a fresh core until an output differs. Raises ReplayError, and LogError while it is read.
 
+    progress: called with how far it is, every SHOWN_NS of the flight.
     A log that was cut off may end in the middle of a tick's outputs: what is there must agree.
     """
     core, left_out = _core(log), log.left_out
     thinning = Thinning() if THINNED in log.metadata else None
     inputs = ticks = agreed = 0
     expected: Iterator[Output] = iter(())
-    t_ns = 0
+    t_ns = shown_ns = 0
     for entry in log.only(*INPUT_TOPICS, topics.TICK, *OUTPUT_TOPICS):
         is_output = entry.topic in OUTPUT_TOPICS
         difference = _compare_next(entry, expected) if is_output else _left_over(expected, t_ns)
@@ -81,6 +83,9 @@ def replay(log: Log) -> Replay:
         t_ns = entry.t_ns
         if entry.topic is topics.TICK:
             now_ns = entry.message.now_ns
+            if now_ns - shown_ns >= SHOWN_NS:
+                progress(f"{ticks} ticks replayed")
+                shown_ns = now_ns
             outgoing = core.tick(now_ns)
             made = outputs(outgoing) if thinning is None else thinning.recorded(outgoing, now_ns)
             ticks, expected = ticks + 1, _as_written(made, left_out)

@@ -13,6 +13,8 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Protocol
@@ -71,10 +73,12 @@ def formation_flight(request: pytest.FixtureRequest, tmp_path_factory: pytest.Te
 
 
 def _copy_flight(flown: Path, test: str) -> Path:
-    """Copy a flight's folder to where a workflow collects flights, under the test's name, anew if it is there."""
-    copied = Path("runs") / re.sub(r"[^\w.-]+", "-", test)
-    shutil.copytree(flown, copied, dirs_exist_ok=True)
-    return copied
+    """Copy a flight's folder to where a workflow collects flights, under the test's name or its next free number."""
+    name = re.sub(r"[^\w.-]+", "-", test)
+    for copied in (Path("runs") / (f"{name}-{number}" if number > 1 else name) for number in count(1)):
+        with suppress(FileExistsError):
+            return Path(shutil.copytree(flown, copied))
+    raise AssertionError
 
 
 def _failure(scenario: str | Path, flown: "subprocess.CompletedProcess[str]", copied: Path) -> str:

@@ -1,6 +1,7 @@
 """Where the drones flew, from above, from the side and in 3-D; how they held their slots and trajectories."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -105,12 +106,12 @@ def _snapshots(ax: Axes, flight: Flight, formed: Bool) -> None:
 
 
 def _fence(ax: Axes, flight: Flight) -> None:
-    """The fence's outline, where it comes into view: an artist, not a patch, so that it does not set the scale."""
+    """The fence's outline."""
     if flight.run.lab is None:
         return
     fence = flight.run.lab.limits.fence
     corner, size = fence.low_m[:2], np.subtract(fence.high_m, fence.low_m)[:2]
-    ax.add_artist(Rectangle(corner, size[0], size[1], fill=False, ec=style.ALARM, lw=0.9, ls=(0, (6, 4)), alpha=0.6))
+    ax.add_patch(Rectangle(corner, size[0], size[1], fill=False, ec=style.ALARM, lw=0.9, ls=(0, (6, 4)), alpha=0.6))
 
 
 def draw_space(ax: Axes3D, flight: Flight) -> None:
@@ -142,6 +143,8 @@ def _box(points: Float) -> tuple[Vec3, Vec3]:
 
 
 ROWS = 6
+OVER_EACH_OTHER = 2
+"""Followers whose errors a reader can distinguish in one picture."""
 NO_LEADER = "the leader's tracking error needs its mocap frames and references in formation; the log lacks them"
 NO_TRACKING = "formation error needs mocap frames and control references; the log lacks one of them"
 
@@ -180,9 +183,11 @@ def errors(flight: Flight, tracking: Tracking) -> Drawing:
     """Length of each follower's formation error against time, its components below; unscored frames drawn thin."""
     if not tracking.formed.any():
         return Missing("no frame was flown in formation" if len(tracking.t_s) else NO_TRACKING)
+    length_mm = 1e3 * np.linalg.norm(tracking.error_lead_m, axis=-1)
+    if tracking.formed.shape[1] > OVER_EACH_OTHER:
+        return _errors_by_follower(flight, tracking, length_mm)
     fig, column = style.Sheet(5.4, (1.7, 1.0, 1.0, 1.0)).axes()
     axes = [row[0] for row in column]
-    length_mm = 1e3 * np.linalg.norm(tracking.error_lead_m, axis=-1)
     draw_error(axes[0], flight, tracking, length_mm)
     axes[0].set(ylabel="length, mm", ylim=(0.0, None))
     style.legend(axes[0])
@@ -194,6 +199,26 @@ def errors(flight: Flight, tracking: Tracking) -> Drawing:
     for ax in axes:
         style.time_axis(ax, low_s, high_s, label=ax is axes[-1])
     return fig
+
+
+def _errors_by_follower(flight: Flight, tracking: Tracking, length_mm: Float) -> Drawing:
+    """The lengths alone, a follower a row, on one scale: of many lines the last hides the others."""
+    chosen = worst_followers(tracking)
+    fig, column = style.Sheet(0.6 + 0.95 * len(chosen), (1.0,) * len(chosen), share_y=True).axes()
+    low_s, high_s = _formed_span(tracking)
+    high_mm = 1.1 * float(length_mm[tracking.scored].max(initial=0.1))
+    for k, (ax,) in zip(chosen, column, strict=True):
+        one = replace(tracking, formed=_only(tracking.formed, k), scored=_only(tracking.scored, k))
+        draw_error(ax, flight, one, length_mm)
+        ax.set(ylabel=f"{flight.followers[k].body}, mm", ylim=(0.0, high_mm))
+        style.time_axis(ax, low_s, high_s, label=k == chosen[-1])
+    return fig
+
+
+def _only(flags: Bool, k: int) -> Bool:
+    """The flags (T, n) of column k, no others."""
+    only: Bool = flags & (np.arange(flags.shape[1]) == k)
+    return only
 
 
 def leader_error(flight: Flight, leader: LeaderTracking) -> Drawing:

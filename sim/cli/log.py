@@ -15,7 +15,7 @@ import typer
 
 from analysis.cli import Json, LogPath
 from analysis.cli import app as analysis_app
-from wire.process.program import Overwrite, print_json_error, program
+from wire.process.program import Overwrite, print_json_error, program, progress_line
 from wire.process.system import NOT_RIGHT
 
 if TYPE_CHECKING:
@@ -41,7 +41,8 @@ def replay(log: LogPath, as_json: Json = False) -> None:
     from wire.logs.mcap_scan import LogError
 
     try:
-        result = replay_log(read_log(log))
+        with progress_line("gcs-log") as show:
+            result = replay_log(read_log(log), show)
     except (OSError, LogError, ReplayError) as error:
         print_json_error(str(error))
         typer.secho(f"gcs-log: {error}", fg="red", err=True)
@@ -108,7 +109,8 @@ def whatif(
         flight = load(log)
         name = law if gains is None or flight.run.lab is None else law or flown_by(flight.run.lab)
         change = Change(None if name is None else chosen(name, gains), without, delay_s, rate or inf)
-        result = what_if(flight, change, log.name)
+        with progress_line("gcs-log") as show:
+            result = what_if(flight, change, log.name, show)
         if not as_json:
             with new_file(out or log.with_name("whatif.html"), overwrite) as path:
                 path.write_text(whatif_page.html(result), encoding="utf-8")

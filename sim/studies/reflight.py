@@ -6,6 +6,7 @@ simulated from the hold before the formation on.
 
 import json
 from collections import deque
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from math import inf
 
@@ -23,6 +24,9 @@ from sim.studies.host import Ground, Host, Vehicles
 from sim.studies.laws import ChosenLaw, followed_by
 from sim.studies.recorded import Recorded
 from sim.world import OPERATOR_PERIOD_NS, T0_NS
+
+SHOWN_FRAMES = 100
+"""So often progress is shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +61,14 @@ class Change:
         return replace(recorded, lab=lab.model_copy(update={"mocap": mocap}))
 
 
-def refly(recorded: Recorded, change: Change) -> tuple[FlightResult, Flight]:
-    """Fly it; ABORTED where a rule of safety ended it. ValueError where the law cannot be made."""
+def refly(
+    recorded: Recorded, change: Change, progress: Callable[[float], None] = lambda _share: None
+) -> tuple[FlightResult, Flight]:
+    """Fly it; ABORTED where a rule of safety ended it. ValueError where the law cannot be made. progress: called with
+    the share that is flown."""
     flight = _Reflight(recorded, change)
     with lockstep.uncollected():
-        return flight.fly()
+        return flight.fly(progress)
 
 
 class _Reflight:
@@ -85,12 +92,14 @@ class _Reflight:
         self._plan = self._ground.plan_in(self._phase)
         self._aborted = False
 
-    def fly(self) -> tuple[FlightResult, Flight]:
+    def fly(self, progress: Callable[[float], None]) -> tuple[FlightResult, Flight]:
         """Frame by frame, until the recording's end."""
         recorded, next_ns = self._recorded, 0.0
         half_ns = 0.5 * float(np.median(np.diff(recorded.capture_ns)))
         for k, capture_ns in enumerate(recorded.capture_ns.tolist()):
             self._deliver(capture_ns)
+            if k % SHOWN_FRAMES == 0:
+                progress(k / len(recorded.capture_ns))
             if capture_ns > recorded.end_ns or self._aborted:
                 break
             if capture_ns >= next_ns - half_ns:

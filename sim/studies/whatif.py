@@ -6,7 +6,7 @@ known at the recorded places and up to a frequency, and the vehicle's answer for
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -116,11 +116,15 @@ class WhatIf:
         return json.dumps(values, indent=2, allow_nan=False)
 
 
-def what_if(flight: Flight, change: Change, name: str) -> WhatIf:
-    """Ask a flight; RecordedError where its log does not say enough, ValueError where the law cannot be made."""
+def what_if(flight: Flight, change: Change, name: str, progress: Callable[[str], None] = lambda _text: None) -> WhatIf:
+    """Ask a flight; RecordedError where its log does not say enough, ValueError where the law cannot be made.
+
+    progress: called with how far it is.
+    """
+    progress("finding what acted on the drones")
     recorded = reconstruct(flight)
-    _, again = refly(recorded, Change())
-    result, other = refly(recorded, change)
+    _, again = refly(recorded, Change(), lambda share: progress(f"its own law, {share:.0%} flown"))
+    result, other = refly(recorded, change, lambda share: progress(f"{change.text}, {share:.0%} flown"))
     if change.without is not None:
         flight, again, recorded = (_without(flight, change.without), _without(again, change.without),
                                    recorded.without(change.without))  # fmt: skip

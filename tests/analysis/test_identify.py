@@ -14,7 +14,7 @@ from analysis.identify.response import Response, nearest_first_order
 from analysis.identify.sensing import Sensing, attitudes_of, estimate_sensing, late, scatter
 from analysis.identify.signals import Estimate, Seen, Sent, propagated
 from analysis.identify.thrust import Thrust
-from analysis.identify.vehicle import Identification, identify
+from analysis.identify.vehicle import KNOWN_WITHIN, Identification, identify
 from analysis.load import Flight, from_records
 from drone_agent.guard.position import LoopSetpoint
 from drone_agent.simulation.attitude_loop import advance
@@ -207,6 +207,23 @@ def test_the_profile_hovers_where_the_flight_did(found: Identification, tmp_path
     path = tmp_path / "profile.toml"
     path.write_text(config_file.dump(profile), encoding="utf-8")
     assert config_file.load(path, VehicleProfile) == profile
+
+
+def test_what_is_not_known_within_a_third_is_not_written(found: Identification) -> None:
+    """A full thrust of -1.2 m/s^2 (-20 to 17.6), and a dead time of 46.7 ms (-104 to 197), were written as known."""
+    drone = found.drones[1]
+    assert isinstance(drone.response, Response)
+    assert isinstance(drone.thrust, Thrust)
+    vague = replace(
+        drone,
+        response=replace(drone.response, dead_time_s=Estimate(0.0467, -0.104, 0.197)),
+        thrust=replace(drone.thrust, full_m_s2=Estimate(-1.2, -20.0, 17.6)),
+    )
+    assert {"response_dead_time_s", "thrust_max_n"} <= set(vague.unknown()) - set(drone.unknown())
+    profile, base = vague.profile(KNOWN_WITHIN), vague.base
+    assert profile.response_dead_time_s == base.response_dead_time_s
+    assert (profile.thrust_max_n, profile.thrust_curve) == (base.thrust_max_n, base.thrust_curve)
+    assert profile.response_lag_s == pytest.approx(drone.response.lag_s.value, rel=1e-3)
 
 
 def test_a_vehicle_of_the_labs_own_is_identified_from_its_own_profile(flown: Flight):

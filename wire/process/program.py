@@ -3,7 +3,8 @@
 import inspect
 import json
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, get_type_hints
@@ -32,6 +33,21 @@ def program(help_text: str, epilog: str) -> typer.Typer:
     )  # fmt: skip
     app.callback()(_options)
     return app
+
+
+@contextmanager
+def progress_line(name: str) -> Iterator[Callable[[str], None]]:
+    """A line that says how far a task is, renewed at each call; nothing where nobody looks on."""
+
+    def show(text: str) -> None:
+        if sys.stderr.isatty():
+            print(f"\r{f'{name}: {text}'[:78]:78}", end="", file=sys.stderr, flush=True)
+
+    try:
+        yield show
+    finally:
+        if sys.stderr.isatty():
+            print(f"\r{'':78}\r", end="", file=sys.stderr, flush=True)
 
 
 def print_json_error(text: str) -> None:

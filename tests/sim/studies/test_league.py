@@ -9,8 +9,10 @@ from typer.testing import CliRunner
 
 from analysis.metrics import summarise
 from analysis.tracking import Tracking
+from formation.vehicle.profile import PROFILES
 from sim.cli.app import app
-from sim.studies import host, league, league_page, neural_fly
+from sim.studies import host, league, league_page, neural_fly, tune
+from sim.studies.experiments import Experiment
 from sim.studies.laws import chosen, followed_by
 from sim.studies.league import LeagueError, Result, Row, commands_hash, true
 from wire.files import read_toml
@@ -37,6 +39,21 @@ def test_the_table_has_every_law_and_the_best_is_marked(played: Path) -> None:
     assert {"python", "numpy", "numba", "mavlink-formation"} <= told["versions"].keys()
     page = (played / "league.html").read_text()
     assert page.count("★") >= 1
+
+
+def test_a_law_that_fails_has_no_figures_in_a_league_and_none_when_it_is_tuned(tmp_path: Path) -> None:
+    law = tmp_path / "law.py"
+    law.write_text(
+        "class Law:\n    def __init__(self, k=1.0): ...\n    def __call__(self, at):\n        return 1 / 0\n"
+    )
+    words = ["league", str(law), "default", "--scene", "line", "--vehicle", "paper_40g", "--out", str(tmp_path)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 1
+    failed, built_in = json.loads((tmp_path / "league.json").read_text())["rows"]
+    assert (failed["outcome"], built_in["outcome"]) == ("law failed", "held")
+    assert [failed[key] for key in ("rms_m", "max_m", "settle_s", "chatter_deg")] == [None] * 4
+    task = tune.Task(PROFILES["paper_40g"], 100.0, 0.008, 1e-4, host.Host.STUDY)
+    assert tune.fly(tune.Flight(task, None, Experiment.CIRCLE, False, chosen(str(law)))) == np.inf
 
 
 def test_a_result_file_is_reproduced_to_the_bit(played: Path) -> None:

@@ -19,6 +19,7 @@ from sim.studies.laws import chosen
 from sim.studies.recorded import GUST_S, Recorded, RecordedError, reconstruct
 from sim.studies.reflight import Change, refly
 from sim.studies.whatif import disturbance, what_if
+from sim.world import T0_NS
 
 SPRING = '''
 class Spring:
@@ -133,6 +134,28 @@ def test_a_log_is_asked_from_the_command_line(log: Path, tmp_path: Path) -> None
     text = page.read_text()
     assert [f'id="{name}"' in text for name in ("numbers", "error", "paths", "trust", "disturbance")] == [True] * 5
     assert "Not shown" not in text
+
+
+@pytest.mark.parametrize("answer", ["1 / 0", "[float('nan')] * 3"])
+def test_a_law_that_fails_has_no_figures(answer: str, log: Path, tmp_path: Path) -> None:
+    law = tmp_path / "law.py"
+    law.write_text(f"class Law:\n    def __call__(self, at):\n        return {answer}\n")
+    done = CliRunner().invoke(app, ["whatif", str(log), "--law", str(law), "--out", str(tmp_path / "page.html")])
+    assert done.exit_code == 1
+    assert "comes back under its own law" in done.stdout
+    assert all(line.endswith("law failed") for line in done.stdout.splitlines()[1:7])
+    assert "<h1>flight.mcap, flown again: law.py" in (tmp_path / "page.html").read_text()
+    assert (tmp_path / "page.html").read_text().count("law failed") >= 6
+
+
+def test_a_frame_that_a_newer_one_overtook_is_not_flown(flight: Flight) -> None:
+    poses = flight.poses
+    received_s = poses.received_s.copy()
+    received_s[700] = received_s[702] + 1e-3
+    late = reconstruct(replace(flight, truth={}, poses=replace(poses, received_s=received_s)))
+    assert round(poses.t_s[700] * 1e9) + T0_NS not in late.capture_ns
+    assert (np.diff(late.receive_ns) >= 0).all()
+    assert set(late.receive_ns) <= set(np.rint(received_s * 1e9).astype(np.int64) + T0_NS)
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ from wire.logs.mcap_write import LogWriter
 from wire.mavlink.codec import Codec
 
 SECTIONS = [
-    "timeline", "paths", "error", "leader", "clouds", "positions", "sliding", "output", "attitude", "timing", "link",
+    "paths", "error", "timeline", "leader", "clouds", "positions", "sliding", "output", "attitude", "timing", "link",
     "setup", "metrics",
 ]  # fmt: skip
 LACKING = (

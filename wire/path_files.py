@@ -24,7 +24,8 @@ COLUMNS = ("t", "x", "y", "z", "yaw")
 POLYNOMIAL = ("duration", *(f"{axis}^{power}" for axis in COLUMNS[1:] for power in range(8)))
 STEP_S = 0.05
 """Between points of a curve; the spline through them misses a flown one by micrometres."""
-UPRIGHT_M = 0.001
+WANDER_SHARE = 0.01
+"""Of the altitudes that the way spans: a climb may go aside by the rounding of its file, and as the drone wanders."""
 ZIPPED = b"PK\x03\x04"
 Points = list[list[float]]
 
@@ -125,14 +126,22 @@ def _curves(keys: list[tuple[float, Float]]) -> Float:
 
 
 def _aloft(rows: Float) -> Points:
-    """What lies between the way straight up at the beginning and the one straight down at the end, timed from 0."""
-    moved = [np.hypot(*(rows[:, 1:3] - rows[end, 1:3]).T) > UPRIGHT_M for end in (0, -1)]
-    if not moved[0].any():
+    """What lies between the climb at the beginning and the descent at the end, which may wander, timed from 0."""
+    first, last = _climb(rows), len(rows) - _climb(rows[::-1])
+    aside_m = np.hypot(*(rows[first:last, 1:3] - rows[first, 1:3]).T)
+    if not aside_m.size or aside_m.max() <= WANDER_SHARE * np.ptp(rows[:, 3]):
         raise ValueError("the first drone only goes up and down")
-    first, last = max(int(np.argmax(moved[0])) - 1, 0), len(rows) - int(np.argmax(moved[1][::-1]))
-    rows = rows[first : last + 1]
+    rows = rows[first:last]
     rows[:, 0] -= rows[0, 0]
     return rows.tolist()  # type: ignore[no-any-return]
+
+
+def _climb(rows: Float) -> int:
+    """The row at which a climb ends: from there on the way goes aside more than up."""
+    more_up_m = rows[:, 3] - rows[0, 3] - np.hypot(*(rows[:, 1:3] - rows[0, 1:3]).T)
+    fallen_m = np.maximum.accumulate(more_up_m) - more_up_m
+    over = int(np.argmax(np.append(fallen_m, np.inf) > WANDER_SHARE * np.ptp(rows[:, 3])))
+    return int(np.argmax(more_up_m[: max(over, 1)]))
 
 
 def _require_short(duration_s: float) -> None:

@@ -7,6 +7,7 @@ Followers are taken to be in their slots. What comes before, take-off and joinin
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from formation.config import Fence, LabConfig, TrajectoryConfig
 from formation.guidance.shape import Shape
@@ -97,23 +98,32 @@ def carried(leader: Float, offset_lead_m: Vec3s) -> Float:
     return motion
 
 
-def outside_m(pos_lab_m: Float, fence: Fence) -> Float:
-    """How far points (..., 3) are beyond the fence, along the axis where they are farthest; negative inside."""
-    low, high = np.asarray(fence.low_m), np.asarray(fence.high_m)
+def outside_m(pos_lab_m: Float, fence: Fence, half_m: ArrayLike = 0.0) -> Float:
+    """How far points (..., 3) are beyond the fence, along the axis where they are farthest; negative inside.
+
+    half_m (...): of the width of the bodies there, which are then held against the floor, too; 0: points.
+    """
+    half = np.asarray(half_m)[..., None]
+    low, high = np.asarray(fence.low_m) + half, np.asarray(fence.high_m) - half
+    low[..., 2] = np.where(half[..., 0] > 0.0, np.maximum(low[..., 2], half[..., 0]), low[..., 2])
     along = np.maximum(low - pos_lab_m, pos_lab_m - high)
     beyond: Float = np.maximum(np.maximum(along[..., 0], along[..., 1]), along[..., 2])
     return beyond
 
 
-def beyond_text(point: Float, fence: Fence) -> str:
-    """Where a point outside the fence is, and which wall it is beyond: `at (2.90, 0.00, 0.30) m, 0.40 m beyond ...`."""
+def beyond_text(point: Float, fence: Fence, half_m: float = 0.0) -> str:
+    """Where a point outside the fence is, and which wall it is beyond: `at (2.90, 0.00, 0.30) m, 0.40 m beyond ...`.
+
+    half_m: of the width of a body there, as for `outside_m`.
+    """
     walls = [
-        (wall - x if side == "low" else x - wall, f"limits.fence.{side}_m {axis} = {wall:g}")
+        (half_m + (wall - x if side == "low" else x - wall), f"limits.fence.{side}_m {axis} = {wall:g}")
         for side, corner in (("low", fence.low_m), ("high", fence.high_m))
         for axis, x, wall in zip("xyz", point.tolist(), corner, strict=True)
     ]
-    beyond, wall = max(walls)
-    return f"at {coordinates(point)} m, {beyond:.2f} m beyond {wall}"
+    beyond, wall = max([*walls, (half_m - float(point[2]), "the floor")] if half_m else walls)
+    body = f"its body, {2.0 * half_m:.2f} m wide, " if half_m else ""
+    return f"at {coordinates(point)} m, {body}{beyond:.2f} m beyond {wall}"
 
 
 def coordinates(point: Float) -> str:

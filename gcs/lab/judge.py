@@ -109,27 +109,24 @@ def _slots_at_start(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[F
     led = f"with the leader at {coordinates(ahead.start[:3])} m, heading {np.degrees(ahead.start[3]):.0f} degrees"
     for k, (follower, point) in enumerate(zip(config.followers, ahead.at_start, strict=True)):
         key = f"followers[{k}].offset_m"
-        if outside_m(point, fence) > 0.0:
-            why = f"the slot of {follower.body} is {beyond_text(point, fence)}, {led}"
+        if outside_m(point, fence, half_m := _half_widths_m(config)[k + 1]) > 0.0:
+            why = f"the slot of {follower.body} is {beyond_text(point, fence, half_m)}, {led}"
             yield keys.reject(key, START, why + _millimetres(np.array(follower.offset_m)))
-        elif point[2] <= FLOOR_M:
-            yield keys.reject(
-                key, START, f"the slot of {follower.body} is in the floor, at z = {point[2]:.2f} m, {led}"
-            )
 
 
 def _trajectory(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
     """Judge the leader's path, or else the paths of the slots."""
     fence, path = config.limits.fence, config.leader.trajectory
-    leader_out = outside_m(ahead.leader[:, 0, :3], fence)
-    outside = [k for k, point in enumerate(path.waypoints_m) if outside_m(np.array(point), fence) > 0.0]
+    half_m = _half_widths_m(config)[0]
+    leader_out = outside_m(ahead.leader[:, 0, :3], fence, half_m)
+    outside = [k for k, point in enumerate(path.waypoints_m) if outside_m(np.array(point), fence, half_m) > 0.0]
     if path.kind in ("waypoints", "polynomial") and outside:
         for k in outside:
-            why = f"the leader would fly to a point {beyond_text(np.array(path.waypoints_m[k]), fence)}"
+            why = f"the leader would fly to a point {beyond_text(np.array(path.waypoints_m[k]), fence, half_m)}"
             yield keys.reject(f"leader.trajectory.waypoints_m[{k}]", FENCE, why)
     elif leader_out.max() > 1e-9:
         sample = int(np.argmax(leader_out))
-        where = beyond_text(ahead.leader[sample, 0, :3], fence)
+        where = beyond_text(ahead.leader[sample, 0, :3], fence, half_m)
         why = f"{ahead.t_s[sample]:.1f} s along its path the leader is {where}"
         yield keys.reject(f"leader.trajectory.{KINDS[path.kind].extent}", FENCE, why)
     else:
@@ -139,16 +136,17 @@ def _trajectory(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Findi
 def _carried_out(config: LabConfig, keys: Keys, ahead: Preview, shape: Shape) -> Iterator[Finding]:
     """The slot that is carried farthest out of the fence, or into the floor, and by what."""
     fence, path = config.limits.fence, config.leader.trajectory
-    out = np.maximum(outside_m(ahead.slots[:, :, 0], fence), FLOOR_M - ahead.slots[:, :, 0, 2])
+    half_m = _half_widths_m(config)[1:]
+    out = outside_m(ahead.slots[:, :, 0], fence, half_m)
     sample, k = (int(i) for i in np.unravel_index(int(np.argmax(out)), out.shape))
     if out[sample, k] <= 1e-9:
         return
     point, turning = ahead.slots[sample, k, 0], path.yaw_rate_rad_s != 0.0
     straight = config.leader.trajectory.model_copy(update={"yaw_rate_rad_s": 0.0})
     unturned = preview(anchored(straight, ahead.start[:3], float(ahead.start[3])), shape, ahead.start)
-    turned_out = turning and outside_m(unturned.slots[:, :, 0], fence).max() <= 1e-9
+    turned_out = turning and outside_m(unturned.slots[:, :, 0], fence, half_m).max() <= 1e-9
     key = TURN if turned_out else f"leader.trajectory.{KINDS[path.kind].extent}"
-    where = beyond_text(point, fence) if outside_m(point, fence) > 0.0 else f"in the floor, at {coordinates(point)} m"
+    where = beyond_text(point, fence, half_m[k])
     turned = ", turned with the leader" if turning else ""
     more = int((out.max(axis=0) > 1e-9).sum()) - 1
     others = f"; {more} more would leave it too" if more else ""
@@ -175,11 +173,12 @@ def _other_shapes(config: LabConfig, keys: Keys, configured_ahead: Preview) -> I
     for name in (*config.formation.shapes, *PATTERNS):
         listed = name in config.formation.shapes
         ahead = reshaped(configured_ahead, shape_for(config, ShapeRequest(name)))
-        out = outside_m(ahead.slots[:, :, 0], fence)
+        half_m = _half_widths_m(config)[1:]
+        out = outside_m(ahead.slots[:, :, 0], fence, half_m)
         least, worst = out.max(axis=1).min(), out.max()
-        if listed and min(least, outside_m(ahead.at_start, fence).max()) > 1e-9:
+        if listed and min(least, outside_m(ahead.at_start, fence, half_m).max()) > 1e-9:
             k = int(np.argmax(out[0]))
-            why = f"the slot of {config.followers[k].body} is {beyond_text(ahead.slots[0, k, 0], fence)}"
+            why = f"the slot of {config.followers[k].body} is {beyond_text(ahead.slots[0, k, 0], fence, half_m[k])}"
             yield keys.reject(f"formation.shapes.{name}[{k}].offset_m", LISTED, why)
         elif worst > 1e-9 and name not in tight:
             tight.append(name)
@@ -278,6 +277,11 @@ def _width_m(config: LabConfig, i: int) -> float:
     """From rotor tip to rotor tip across the vehicle."""
     profile = config.profile_of(config.vehicles[i])
     return profile.wheelbase_m + 2.0 * profile.rotor_radius_m
+
+
+def _half_widths_m(config: LabConfig) -> list[float]:
+    """How far each body reaches from its middle, whatever its heading, leader first."""
+    return [0.5 * _width_m(config, i) for i in range(len(config.vehicles))]
 
 
 def _spawns(config: LabConfig, keys: Keys) -> Iterator[Finding]:

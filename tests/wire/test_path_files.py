@@ -72,6 +72,25 @@ def test_a_show_of_skybrush_is_flown_between_take_off_and_landing(tmp_path: Path
     np.testing.assert_allclose(np.hypot(read[:, 1], read[:, 2]), 1.0, atol=3e-4)
 
 
+@pytest.mark.parametrize("aside_m", [0.0, 0.002, 0.05])
+def test_a_show_begins_where_its_climb_ends_though_that_wanders(tmp_path: Path, aside_m: float) -> None:
+    """Points are rounded to millimetres; neither climb nor descent goes straight up."""
+    rng = np.random.default_rng(1)
+    u = np.linspace(0.0, 1.0, 21)
+    eased = u**3 * (10 - 15 * u + 6 * u**2)
+    lean = aside_m * eased + (0.002 * rng.uniform(-1, 1, 21) if aside_m else 0.0)
+    legs = [
+        (5 * u, lean, eased),
+        (5 + 7 * u, aside_m + 0.6 * eased, 1 + 0 * u),
+        (12 + 5 * u, aside_m + 0.6 + lean, 1 - eased),
+    ]
+    points = [[round(t, 3), [round(x, 3), 0.0, round(z, 3)], []] for leg in legs for t, x, z in zip(*leg, strict=True)]
+    points = [a for a, b in zip(points, [*points[1:], [99.0]], strict=True) if a[0] < b[0]]
+    read = np.array(read_points(show(tmp_path / "show.skyc", points)))
+    assert read[:, 3].min() > 0.95
+    assert 6.5 < read[-1, 0] < 8.5
+
+
 @pytest.mark.parametrize(
     ("points", "told"),
     [

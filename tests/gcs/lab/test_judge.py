@@ -39,9 +39,9 @@ FENCE = {"low_m": [-2.5, -2.0, -0.1], "high_m": [2.5, 2.0, 2.3]}
 OWN = PAPER_40G.model_dump()
 REFUSED: list[tuple[str, dict[str, object], str, str, str]] = [
     ("millimetres", {"followers": followers([-400.0, -0.4, 0.0], LEFT)}, "followers[0].offset_m", "[-400, -0.4, 0]",
-     "397.50 m beyond limits.fence.low_m x = -2.5"),
+     "397.58 m beyond limits.fence.low_m x = -2.5"),
     ("slot in the floor", {"followers": followers([-0.4, -0.4, -0.3], LEFT)}, "followers[0].offset_m",
-     "[-0.4, -0.4, -0.3]", "in the floor"),
+     "[-0.4, -0.4, -0.3]", "beyond the floor"),
     ("slots too near", {"followers": followers(RIGHT, [-0.4, -0.3, 0.0])}, "followers[1].offset_m", "[-0.4, -0.3, 0]",
      "left would be 0.10 m from right, limits.min_separation_m is 0.2 m"),
     ("slot at the leader", {"followers": followers([0.0, 0.1, 0.0])}, "followers[0].offset_m", "[0, 0.1, 0]",
@@ -146,7 +146,7 @@ WARNED: list[tuple[str, dict[str, object], str, str]] = [
     ("heavy", {"profiles": [{**OWN, "name": "ours", "mass_kg": 0.075}], "leader": {**LEADER, "profile": "ours"}},
      "profiles[0].thrust_max_n", "1.09 times its weight"),
     ("much tilt", {"leader": flies("circle", radius_m=0.5, period_s=2.0)}, "leader.trajectory.period_s", "% of what"),
-    ("little room", {"followers": followers([-2.45, 0, 0])}, "limits.fence", "right comes within 0.05 m"),
+    ("little room", {"followers": followers([-2.41, 0, 0])}, "limits.fence", "right comes within 0.09 m"),
     ("a hall", {"limits": {"fence": {"low_m": [-200, -2, -1], "high_m": [2, 2, 2]}}}, "limits.fence.low_m", "metres"),
     ("slow descent", {"flight": {"descend_m_s": 0.005}}, "flight.descend_m_s", "longer than a minute"),
     ("downwash", {"followers": followers(RIGHT, [-0.4, -0.4, 0.6])}, "followers[1].offset_m", "downwash"),

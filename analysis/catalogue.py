@@ -10,6 +10,7 @@ from analysis.load import load_checked
 from analysis.metrics import summarise
 from formation.clock_pair import SIMULATED
 from formation.messages import Severity
+from wire.errors import error_text
 from wire.files import is_partial
 from wire.logs.mcap_read import clock_of
 from wire.logs.mcap_scan import LogError, NoFlightError
@@ -50,7 +51,7 @@ def _row(path: Path) -> CatalogueRow:
     except NoFlightError:
         return CatalogueRow(str(path), unfinished=is_partial(path))
     except (LogError, OSError) as error:
-        return CatalogueRow(str(path), damage=str(error))
+        return CatalogueRow(str(path), damage=error_text(error))
     lab, date = flight.run.lab, flight.run.metadata.get("date")
     simulated = None if date is not None and clock_of(flight.run.metadata) != SIMULATED else date
     if simulated == date:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from wire.errors import ConfigError
+from wire.errors import ConfigError, error_text
 from wire.files import demand_absent, new_file, new_folder, write_edited
 from wire.process.program import Overwrite, Program, print_json_error, progress_line
 
@@ -341,6 +341,6 @@ def _refusing() -> Iterator[None]:
     try:
         yield
     except (OSError, LogError, ConfigError) as error:
-        print_json_error(str(error))
-        typer.echo(f"gcs-log: {error}", err=True)
+        print_json_error(error_text(error))
+        typer.echo(f"gcs-log: {error_text(error)}", err=True)
         raise typer.Exit(UNUSABLE) from error

@@ -27,6 +27,7 @@ from formation.model import (
     Vec3Tuple,
     WrongKeyError,
 )
+from formation.names import unknown
 from formation.requests import CONFIGURED as CONFIGURED
 from formation.requests import ENDPOINT, LAB
 from formation.security_config import SecurityConfig
@@ -42,7 +43,7 @@ PRESET_NAMES = (
 
 def _preset(name: str) -> str:
     if name not in PRESET_NAMES:
-        raise ValueError(f"unknown control preset {name!r}; known: {', '.join(PRESET_NAMES)}")
+        raise ValueError(f"unknown control preset {unknown(name, PRESET_NAMES)}")
     return name
 
 
@@ -387,8 +388,7 @@ class LabConfig(Model):
         if trajectory == CONFIGURED:
             return self
         if trajectory not in self.leader.trajectories:
-            known = ", ".join((CONFIGURED, *self.leader.trajectories))
-            raise ValueError(f"no trajectory {trajectory!r}; known: {known}")
+            raise ValueError(f"no trajectory {unknown(trajectory, (CONFIGURED, *self.leader.trajectories))}")
         leader = self.leader.model_copy(update={"trajectory": self.leader.trajectories[trajectory]})
         return self.model_copy(update={"leader": leader})
 

@@ -120,7 +120,8 @@ class TrajectoryConfig(Model):
             try:
                 _check_times(self.points)
             except ValueError as error:
-                raise WrongKeyError("file" if self.file else "points", str(error)) from error
+                where = f"{self.file}: " if self.file else ""
+                raise WrongKeyError("file" if self.file else "points", f"{where}{error}") from error
         return self
 
 

@@ -5,6 +5,7 @@ searched after everything that is installed, so that a lab's own packages are st
 """
 
 import errno
+import io
 import json
 import os
 import runpy
@@ -80,7 +81,13 @@ def _search_installation_first() -> None:
 
 
 def _open_closed_streams() -> None:
-    """Open the null device where a standard stream is closed: else a socket gets its number, and its text."""
+    """Open the null device where a standard stream is closed: else a socket gets its number, and its text.
+
+    An open one takes any text, whatever its encoding.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # what it cannot show
     for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         if getattr(sys, name) is None:
             with suppress(OSError):

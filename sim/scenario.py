@@ -17,6 +17,7 @@ from formation.config import FollowerConfig, LabConfig
 from formation.maths import frames
 from formation.maths.arrays import Vec3
 from formation.model import Model, Name, Positive, QuatTuple, SysId, Vec3Tuple, WrongKeyError
+from formation.names import unknown
 from formation.vehicle.profile import VehicleProfile
 from mocap.sources.csv_file import read_recording
 from sim.cameras.emulator import EmulatorConfig, NotNegative, Share
@@ -148,8 +149,8 @@ def find(name_or_path: str) -> ScenarioFile:
     """
     path = shipped().get(name_or_path, Path(name_or_path))
     if not path.exists():
-        known = ", ".join(shipped())
-        raise config_file.ConfigError([f"{name_or_path}: no such file, nor a shipped scenario ({known})"])
+        reason = f"no such file, nor a shipped scenario {unknown(name_or_path, shipped())}"
+        raise config_file.ConfigError([f"{name_or_path}: {reason}"])
     values = read_toml(path)
     named = values.get("lab")
     if isinstance(named, str):

@@ -1,5 +1,6 @@
 """Every program, as it is asked for help or sent a command: without what it does not need."""
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterable
@@ -95,3 +96,16 @@ def test_output_that_is_lost_is_one_line_and_closed_streams_are_none() -> None:
     assert (done.returncode, done.stderr) == (1, "gcs: output is lost: No space left on device\n")
     closed = subprocess.run(["/bin/sh", "-c", f"{command[0]} stop --timeout 0.01 <&- >&- 2>&-"], check=False)
     assert closed.returncode == NO_GROUND
+
+
+SHOWN = "from mavlink_formation import programs; programs._run(lambda: print('15 \\u2026 \\udcff'))"
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("encoding", ["ascii", "ascii:strict", "latin-1", "utf-8"])
+def test_an_output_that_cannot_show_a_character_gets_it_escaped(encoding: str) -> None:
+    """Every program starts by this one function; the last is of a file's name that is no UTF-8."""
+    environment = os.environ | {"PYTHONIOENCODING": encoding}
+    done = subprocess.run([sys.executable, "-c", SHOWN], env=environment, capture_output=True, check=True)
+    dots = "\u2026".encode() if encoding == "utf-8" else rb"\u2026"
+    assert done.stdout.split() == [b"15", dots, rb"\udcff"]

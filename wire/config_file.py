@@ -7,7 +7,6 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -15,6 +14,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from formation.model import Model, WrongKeyError
+from formation.names import meant
 from formation.vehicle.profile import VehicleProfile, on_base
 from wire.errors import ConfigError as ConfigError
 from wire.errors import Fault as Fault
@@ -116,8 +116,6 @@ REASONS = {
     "string_type": "is not text in quotes",
     "finite_number": "is not a finite number",
 }
-NEAR = 0.7
-"""How alike a key must be to one that is known, to be taken for it."""
 
 
 def load(path: Path, model: type[M]) -> M:
@@ -158,9 +156,11 @@ def _fault(found: ErrorDetails, model: type[Model]) -> Fault:
         key = ".".join(filter(None, (key, raised.key)))
         value = "" if raised.value is None else _shown(raised.value)
     elif kind == "extra_forbidden":
-        near = get_close_matches(str(location[-1]), _known_keys(model, location[:-1]), 1, NEAR)
+        near = meant(str(location[-1]), _known_keys(model, location[:-1]))
         elsewhere = [table for table, name in _tables(model) if name == location[-1]]
-        reason += f": is {near[0]} meant?" if near else _belongs(elsewhere)
+        reason += near or _belongs(elsewhere)
+    elif kind == "literal_error":
+        reason += meant(str(found["input"]), re.findall("'([^']*)'", found["ctx"]["expected"]))
     return Fault(key, value, reason)
 
 

@@ -33,5 +33,12 @@ class ConfigError(ValueError):
         self.source = source
 
 
+def error_text(error: BaseException) -> str:
+    """An error in one line; a file's is led by the file's name, without a number."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
+
+
 class BusError(OSError):
     """The bus could not be opened: an endpoint that is taken or not an endpoint, a name that cannot be a key."""

@@ -8,15 +8,17 @@ a law is code, and must be there.
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
-from functools import partial
+from functools import partial, wraps
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_file_location
+from inspect import isfunction, signature
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from formation.names import meant
 from formation.own_law.law import ControlLaw
 from wire.path_files import COLUMNS, read_points
 
@@ -24,6 +26,7 @@ T = TypeVar("T")
 
 TRAJECTORIES, SHAPES = "mavlink_formation.trajectories", "mavlink_formation.shapes"
 LAWS = "mavlink_formation.control_laws"
+_PACKAGED = "a lab's law is named as a package registers it, not by its file (manual: Your own control law)"
 
 
 class TrajectoryMaker(Protocol):
@@ -84,24 +87,50 @@ def law_in_file(source: str, options: Mapping[str, Any]) -> Callable[[], Control
     if spec is None or spec.loader is None or not path.is_file():
         raise ValueError(f"{path}: no such file")
     module = module_from_spec(spec)
+    sys.modules[spec.name] = module  # as an import does: dataclasses and pickle look there
     try:
         printing_to_stderr(partial(spec.loader.exec_module, module))
     except (Exception, SystemExit) as error:  # it is a lab's own code, which may do anything
+        del sys.modules[spec.name]
         raise ValueError(f"{path}: {_error_text(error)}") from error
-    laws = {
-        name: value
-        for name, value in vars(module).items()
-        if isinstance(value, type) and value.__module__ == module.__name__ and "__call__" in vars(value)
-    }
-    if wanted not in laws and (wanted or len(laws) != 1):
-        raise ValueError(f"{path}: which law? {path.name}:NAME, of {', '.join(laws) or 'none: no class has __call__'}")
+    own = {name: value for name, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__}
+    laws: dict[str, Any] = {k: v for k, v in own.items() if isinstance(v, type) and "__call__" in vars(v)}
+    laws = laws or {name: value for name, value in own.items() if isfunction(value) and name[0] != "_"}
+    if wanted in own and not wanted.startswith("_"):
+        laws = {wanted: own[wanted]}
+    if len(laws) != 1 or (wanted and wanted not in laws):
+        known = ", ".join(laws) or "none: it has neither a function nor a class with __call__"
+        raise ValueError(f"{path}: which law? {path.name}:NAME{meant(wanted, laws)}, of {known}")
     return _tried(laws[wanted] if wanted else next(iter(laws.values())), options)
 
 
 def _tried(maker: Any, options: Mapping[str, Any]) -> Callable[[], ControlLaw]:
-    """The maker with these options, after it has made a law once; ValueError."""
-    _called(maker, **options)
-    return partial(printing_to_stderr, partial(maker, **options))
+    """The maker with these options, after it has made a law once; ValueError. A function may be the law itself."""
+    made = _made_of(maker) if _is_law(maker, options) else maker
+    _called(made, **options)
+    return partial(printing_to_stderr, partial(made, **options))
+
+
+def _is_law(maker: Any, options: Mapping[str, Any]) -> bool:
+    """Whether it is a function that needs a situation beside its options."""
+    if not isfunction(maker):
+        return False
+    try:
+        signature(maker).bind(**options)
+    except TypeError:
+        return len(signature(maker).parameters) > len(options)
+    return False
+
+
+def _made_of(law: Any) -> Any:
+    """The maker of a law that is a plain function."""
+
+    @wraps(law)
+    def make(**options: Any) -> Any:
+        signature(law).bind(None, **options)  # TypeError for options that it does not have
+        return partial(law, **options)
+
+    return make
 
 
 def printing_to_stderr(call: Callable[[], T]) -> T:
@@ -120,7 +149,12 @@ def _load(group: str, name: str) -> Any:
     found = entry_points(group=group, name=name)
     if not found:
         known = sorted(point.name for point in entry_points(group=group))
-        raise ValueError(f"no package here registers {name!r} in {group}; known: {', '.join(known) or 'none'}")
+        if name.endswith(".py"):
+            raise ValueError(
+                f"a file is flown by `gcs-log whatif --law` and `gcs-sim league`; {_PACKAGED}; known: {known}"
+            )
+        near = meant(name, known)
+        raise ValueError(f"no package here registers {name!r} in {group}{near}; known: {', '.join(known) or 'none'}")
     return _loaded(next(iter(found)))
 
 

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from formation.config import MocapConfig
 from formation.control.gains import CascadeGains, Gains, GeometricGains, LagCompensation, Law, SlidingGains
 from formation.estimation.settings import Adaptation, ObserverGains, Parallel
+from formation.names import unknown
 from formation.vehicle.profile import GainScale, VehicleProfile
 
 PLAIN, ALONE = LagCompensation(), Parallel()
@@ -189,5 +190,5 @@ def scaled_for(gains: Preset, profile: VehicleProfile, mocap: MocapConfig) -> Pr
 def preset(name: str) -> Preset:
     """The preset of that name; ValueError names the known ones."""
     if name not in PRESETS:
-        raise ValueError(f"unknown control preset {name!r}; known: {', '.join(PRESETS)}")
+        raise ValueError(f"unknown control preset {unknown(name, PRESETS)}")
     return PRESETS[name]

@@ -11,6 +11,7 @@ from formation.guidance.shape_request import ShapeRequest
 from formation.maths.arrays import Float, Vec3s
 from formation.maths.frames import rotate_about_z
 from formation.model import Vec3Tuple
+from formation.names import unknown
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,5 +75,5 @@ def _slots(config: LabConfig, name: str) -> tuple[Vec3s, tuple[float, ...]]:
         return np.array([slot.offset_m for slot in listed]), tuple(slot.yaw_offset_rad for slot in listed)
     pattern = PATTERNS.get(name.lower())
     if pattern is None:
-        raise ValueError(f"no shape {name!r}; known: {', '.join(known(config))}")
+        raise ValueError(f"no shape {unknown(name, known(config))}")
     return pattern(n, config.formation.spacing_m), (0.0,) * n

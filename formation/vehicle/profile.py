@@ -16,6 +16,7 @@ from pydantic import Field, model_validator
 
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.model import LARGEST, Flag, Model, Name, NoFlag, Positive, Vec3Tuple
+from formation.names import unknown
 from formation.vehicle import body
 from formation.vehicle.body import GRAVITY_M_S2, rotor_reach_m, thrust_norm
 
@@ -402,7 +403,7 @@ def profile(name: str, own: Iterable[VehicleProfile] = ()) -> VehicleProfile:
     """The profile of that name, a lab's `own` before the shipped ones; ValueError names the known ones."""
     known = {**PROFILES, **{p.name: p for p in own}}
     if name not in known:
-        raise ValueError(f"unknown vehicle profile {name!r}; known: {', '.join(known)}")
+        raise ValueError(f"unknown vehicle profile {unknown(name, known)}")
     return known[name]
 
 
@@ -412,7 +413,7 @@ def on_base(values: Mapping[str, Any]) -> dict[str, Any]:
     if name is None:
         return dict(values)
     if not isinstance(name, str) or name not in PROFILES:
-        raise ValueError(f"no shipped profile {name!r}; known: {', '.join(PROFILES)}")
+        raise ValueError(f"no shipped profile {unknown(str(name), PROFILES)}")
     base = PROFILES[name].model_dump(exclude={"gain_scale"})
     whole = base | {key: value for key, value in values.items() if key != "base"}
     if isinstance(values.get("battery"), dict):

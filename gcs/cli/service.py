@@ -14,10 +14,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from formation.names import meant, unknown
 from wire.errors import ConfigError
 from wire.files import demand_absent, write_edited
 from wire.process.program import Json, LabFile, Overwrite, configuration, fail
 from wire.process.system import NOT_RIGHT, REJECTED, python_command
+from wire.transport.serial_link import device_and_baud
+from wire.transport.udp_bus import direct_address
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
@@ -45,7 +48,7 @@ def install(
 ) -> None:
     """Write the units of ground and mocap process, or with --bridge of a drone's guard, and say how to start them."""
     config, file = configuration(lab), lab.absolute()
-    user = user or _owner(file)
+    user = _known_user(user) if user else _owner(file)
     try:
         pairs = [pair.partition("=") for pair in bridge or ()]
         units = [bridge_unit(file, config, user, body, autopilot) for body, _, autopilot in pairs]
@@ -79,7 +82,19 @@ def _owner(file: Path) -> str:
     uid = file.stat().st_uid
     if uid == 0:
         fail(f"{file} belongs to root: say with --user whom the services run as", NOT_RIGHT)
-    return pwd.getpwuid(uid).pw_name
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        fail(f"{file} belongs to user number {uid}, who has no name here: say with --user whom they run as", NOT_RIGHT)
+
+
+def _known_user(user: str) -> str:
+    """The user; ends the program where this computer has none of that name or number."""
+    try:
+        return pwd.getpwuid(int(user)).pw_name if user.isdecimal() else pwd.getpwnam(user).pw_name
+    except (KeyError, OverflowError):
+        near = meant(user, [each.pw_name for each in pwd.getpwall()])
+        fail(f"--user: this computer has no user {user!r}{near}", NOT_RIGHT)
 
 
 STATE = "mavlink-formation"
@@ -126,7 +141,12 @@ def bridge_unit(lab_file: Path, config: "LabConfig", user: str, body: str, autop
     """The guard beside a drone's autopilot, `serial:DEV:BAUD` or `udp:HOST:PORT`; ConfigError where there is none."""
     drones = [vehicle.body for vehicle in config.vehicles if vehicle.sysid is not None]
     if body not in drones:
-        raise ConfigError([f"--bridge: {body!r} is none of the lab's drones: {', '.join(drones)}"])
+        raise ConfigError([f"--bridge: none of the lab's drones is {unknown(body, drones)}"])
+    try:
+        device_and_baud(autopilot) if autopilot.startswith("serial:") else direct_address(autopilot)
+    except ValueError as error:
+        forms = "BODY=serial:DEV:BAUD, BODY=udp:HOST:PORT or BODY=udpin:HOST:PORT"
+        raise ConfigError([f"--bridge: {body}={autopilot}: {forms} is wanted"]) from error
     command = python_command("drone_agent", "--lab", str(lab_file), "--body", body, "--bridge", autopilot)
     # After a crash in flight the autopilot's own time-out acts first.
     lines = (*_RESTARTED, "SupplementaryGroups=dialout")

@@ -117,12 +117,15 @@ def _speed_key(config: LabConfig, leader_is_slow: bool) -> str:
 
 
 def _turns(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
-    rate_rad_s = float(np.abs(ahead.leader[:, 1, 3]).max())
+    path, rate_rad_s = config.leader.trajectory, float(np.abs(ahead.leader[:, 1, 3]).max())
     for vehicle in config.vehicles:
         most_rad_s = config.profile_of(vehicle).rate_yaw_max_rad_s
         if rate_rad_s > most_rad_s:
             why = f"{vehicle.body} would turn at {rate_rad_s:.1f} rad/s, {vehicle.profile} does {most_rad_s:g}"
-            yield keys.reject("leader.trajectory.yaw_rate_rad_s", TURNING, why + " (radians are meant)")
+            name = "yaw_rate_rad_s" if path.yaw_rate_rad_s else KINDS[path.kind].speed_key
+            yield keys.reject(
+                f"leader.trajectory.{name}", TURNING, f"{why} (radians are meant; a column may say [deg])"
+            )
             return
 
 
@@ -176,7 +179,9 @@ def _vehicles(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     for k, own in enumerate(config.profiles):
         hover = own.weight_n / own.thrust_max_n
         why = f"all of its thrust is {1.0 / hover:.2f} times its weight: SI is meant, kilograms and newtons"
-        if hover >= 1.0:
+        if hover * 1e-3 * hover > 0.5**2:  # nearer to a hover at half its thrust where the mass is in grams
+            yield keys.reject(f"profiles[{k}].mass_kg", REACH, f"{why}; grams?")
+        elif hover >= 1.0:
             yield keys.reject(f"profiles[{k}].thrust_max_n", REACH, why)
         elif own.hover_thrust_norm > HOVER_MOST:
             yield keys.warn(f"profiles[{k}].thrust_max_n", REACH, why)

@@ -559,7 +559,7 @@ def _sizes(k: int, own: VehicleProfile, keys: Keys) -> Iterator[Finding]:
     if not ROTOR_LEAST <= own.rotor_radius_m / arm_m <= ROTOR_MOST:
         why = f"propellers of {own.rotor_radius_m:g} m radius, and arms of {arm_m:g} m: metres are meant"
         yield keys.reject(f"profiles[{k}].wheelbase_m", NAMES, why)
-    elif not (own.impossible_inertia or GYRATION_LEAST <= gyration <= 1.0):
+    elif own.weight_n < own.thrust_max_n and not (own.impossible_inertia or GYRATION_LEAST <= gyration <= 1.0):
         why = (
             f"with {own.mass_kg:g} kg and arms of {arm_m:g} m the mass is {gyration:.2g} of an arm from the middle: "
             "kilograms, metres and kg m^2 are meant"

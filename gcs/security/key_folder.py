@@ -17,6 +17,7 @@ from typing import Any
 
 from formation.config import LabConfig
 from formation.exposure import GROUND, MOCAP, OWN_IDENTITIES, PAGE, TOOL, drone_identity, endpoint_host, numbered
+from formation.names import unknown
 from formation.security_config import SecurityConfig
 from gcs.security.certificates import KeyPair, common_name, expiry, hosts_in, new_authority, new_identity
 from gcs.security.page_logins import drop_token, new_token
@@ -113,8 +114,7 @@ class KeyFolder:
     def page_token(self, operator: str, now: datetime) -> str:
         """A new token by which an operator logs in on the page from another machine; an older one is void."""
         if operator not in self._security.operators:
-            known = ", ".join(self._security.operators) or "none"
-            raise ConfigError([f"no operator {operator!r} in [security] operators; known: {known}"])
+            raise ConfigError([f"[security] operators: no operator {unknown(operator, self._security.operators)}"])
         if (self.path / operator / REVOKED).exists():
             raise ConfigError([f"{operator}: revoked: `gcs keys rotate` makes new keys"])
         demand_private_tree(self.path / PAGE)
@@ -220,7 +220,7 @@ class KeyFolder:
 
     def _name(self, identity: str) -> str:
         if identity not in identities(self._config):
-            raise ConfigError([f"no identity {identity!r}; known: {', '.join(identities(self._config))}"])
+            raise ConfigError([f"no identity {unknown(identity, identities(self._config))}"])
         return read_name(self.path / identity / NAME)
 
     def _number(self, identity: str) -> int:

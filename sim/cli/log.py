@@ -15,6 +15,7 @@ import typer
 
 from analysis.cli import Json, LogPath
 from analysis.cli import app as analysis_app
+from wire.errors import error_text
 from wire.process.program import Overwrite, print_json_error, program, progress_line
 from wire.process.system import NOT_RIGHT
 
@@ -44,8 +45,8 @@ def replay(log: LogPath, as_json: Json = False) -> None:
         with progress_line("gcs-log") as show:
             result = replay_log(read_log(log), show)
     except (OSError, LogError, ReplayError) as error:
-        print_json_error(str(error))
-        typer.secho(f"gcs-log: {error}", fg="red", err=True)
+        print_json_error(error_text(error))
+        typer.secho(f"gcs-log: {error_text(error)}", fg="red", err=True)
         raise typer.Exit(NOT_RIGHT) from error
     if as_json:
         typer.echo(json.dumps(asdict(result) | {"identical": result.identical}, indent=2))
@@ -115,8 +116,8 @@ def whatif(
             with new_file(out or log.with_name("whatif.html"), overwrite) as path:
                 path.write_text(whatif_page.html(result), encoding="utf-8")
     except (OSError, LogError, ConfigError, ValueError) as error:
-        print_json_error(str(error))
-        typer.secho(f"gcs-log: {error}", fg="red", err=True)
+        print_json_error(error_text(error))
+        typer.secho(f"gcs-log: {error_text(error)}", fg="red", err=True)
         raise typer.Exit(NOT_RIGHT) from error
     if as_json:
         typer.echo(result.to_json())

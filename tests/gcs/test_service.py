@@ -98,3 +98,33 @@ def test_a_path_is_one_word(units: dict[str, str], tmp_path: Path) -> None:
     for text in units.values():
         (command,) = re.findall(r"^ExecStart=(.*)", text, re.MULTILINE)
         assert str(tmp_path / "my lab.toml") in shlex.split(command)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--user", "nosuchuser"), "--user: this computer has no user 'nosuchuser'"),
+        (("--user", "rot"), "is root meant?"),
+        (("--user", "4294967290"), "has no user '4294967290'"),
+        (("--bridge", "left"), "--bridge: left=: BODY=serial:DEV:BAUD"),
+        (("--bridge", "left=seriall:/dev/x"), "BODY=udp:HOST:PORT"),
+        (("--bridge", "left=udp:127.0.0.1:70000"), "BODY=udpin:HOST:PORT is wanted"),
+        (("--bridge", "lefft=udp:127.0.0.1:14999"), "none of the lab's drones is 'lefft': is left meant?"),
+        ((), "who has no name here: say with --user"),
+    ],
+)
+def test_what_could_never_start_is_not_written(
+    options: tuple[str, ...], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab, units = tmp_path / "lab.toml", tmp_path / "units"
+    units.mkdir()
+    lab.write_text(dump(a_lab()), encoding="utf-8")
+    if not options:
+        monkeypatch.setattr("pwd.getpwuid", lambda _uid: {}["nobody"])
+        if os.getuid() == 0:
+            os.chown(lab, 20417, -1)
+    user = () if not options or "--user" in options else ("--user", "root")
+    done = CliRunner().invoke(app, ["service", "install", str(lab), "--to", str(units), *user, *options])
+    assert done.exit_code == 2
+    assert told in done.output
+    assert not list(units.iterdir())

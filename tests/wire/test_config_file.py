@@ -1,6 +1,7 @@
 """TOML in and out, and the words of its errors."""
 
 import tomllib
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -105,7 +106,7 @@ def test_a_profile_may_start_from_a_shipped_one(tmp_path):
     battery = shipped.battery.model_copy(update={"cells": 3})
     assert kind == shipped.model_copy(update={"name": "ours", "mass_kg": 1.2, "battery": battery})
     assert load_profile(written(tmp_path, own)) == kind
-    with pytest.raises(ConfigError, match="no shipped profile 'x5000'; known: "):
+    with pytest.raises(ConfigError, match="no shipped profile 'x5000': is x500 meant"):
         load_profile(written(tmp_path, own.replace("px4_quad", "x5000")))
 
 
@@ -179,3 +180,10 @@ def test_a_file_of_two_profiles_is_none(tmp_path):
     path.write_text(2 * dump_profile(PROFILES["x500"]))
     with pytest.raises(ConfigError, match="one entry"):
         load_profile(path)
+
+
+def test_a_value_of_few_that_is_misspelt_or_called_otherwise_says_which_is_meant(tmp_path: Path) -> None:
+    for written, near in (("optitrack", "natnet"), ("qualysis", "qualisys")):
+        (tmp_path / "lab.toml").write_text(f'[mocap]\nsource = "{written}"\n[leader]\nbody = "a"\n')
+        with pytest.raises(ConfigError, match=rf"mocap\.source: .*: is {near} meant\? \(it is '{written}'\)"):
+            load(tmp_path / "lab.toml", LabConfig)

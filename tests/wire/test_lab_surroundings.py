@@ -12,7 +12,7 @@ from formation.guidance.shape_request import ShapeRequest
 from formation.guidance.trajectory import anchored, sample
 from tests.wire.own_package import installed_in
 from wire.config_file import ConfigError, dump, load
-from wire.lab_surroundings import LAWS, SHAPES, TRAJECTORIES, law_package, printing_to_stderr
+from wire.lab_surroundings import LAWS, SHAPES, TRAJECTORIES, law_in_file, law_package, printing_to_stderr
 
 HOLD = '{ kind = "hold" }'
 FOLLOWERS = '[[followers]]\nbody = "a"\nsysid = 2\noffset_m = [-1.0, 0.0, 0.0]\n'
@@ -139,3 +139,47 @@ def test_a_lab_s_own_law_is_named_and_made_with_its_options(tmp_path: Path, inst
 def test_what_a_lab_s_own_code_prints_is_no_result(capsys: pytest.CaptureFixture[str]) -> None:
     assert printing_to_stderr(lambda: print("from a law")) is None
     assert capsys.readouterr() == ("", "from a law\n")
+
+
+LAW = "def law(at, gain=2.0):\n    return gain * at\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        (LAW, ""),
+        (f"import math\n{LAW}def _helper():\n    pass\n", ""),
+        (f"def other(at):\n    return at\n{LAW}", ":law"),
+        ("class Law:\n    def __call__(self, at):\n        return 2.0 * at\n\ndef helper(x):\n    return x\n", ""),
+        ("def make():\n    return lambda at: 2.0 * at\n", ""),
+        (  # dataclasses look their module up, which an import has entered by then
+            "from __future__ import annotations\nfrom dataclasses import dataclass\n\n"
+            "@dataclass\nclass Law:\n    gain: float = 2.0\n"
+            "    def __call__(self, at):\n        return self.gain * at\n",
+            "",
+        ),
+    ],
+)
+def test_a_law_in_a_file_is_a_function_its_maker_or_a_class(tmp_path: Path, text: str, wanted: str) -> None:
+    (tmp_path / "my_law.py").write_text(text)
+    law = law_in_file(f"{tmp_path / 'my_law.py'}{wanted}", {})()
+    np.testing.assert_array_equal(law(np.ones(3)), 2.0 * np.ones(3))
+
+
+def test_a_plain_function_gets_its_options_and_no_others(tmp_path: Path) -> None:
+    (tmp_path / "my_law.py").write_text(LAW)
+    assert law_in_file(str(tmp_path / "my_law.py"), {"gain": 3.0})()(np.ones(3))[0] == 3.0
+    with pytest.raises(ValueError, match="unexpected keyword argument 'gian'"):
+        law_in_file(str(tmp_path / "my_law.py"), {"gian": 3.0})
+
+
+def test_a_file_without_a_law_and_one_that_cannot_be_loaded_are_named_and_leave_nothing(tmp_path: Path) -> None:
+    (tmp_path / "empty.py").write_text("")
+    with pytest.raises(ValueError, match="neither a function nor a class with __call__"):
+        law_in_file(str(tmp_path / "empty.py"), {})
+    (tmp_path / "half.py").write_text("import math\nraise RuntimeError('no')\n")
+    with pytest.raises(ValueError, match=r"half\.py: RuntimeError: no"):
+        law_in_file(str(tmp_path / "half.py"), {})
+    assert "law_in_half" not in sys.modules
+    with pytest.raises(ConfigError, match="is named as a package registers it, not by its file"):
+        lab(tmp_path, HOLD, 'control_law = { name = "my_law.py" }')

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, get_type_hi
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from formation.names import meant
 from wire import version
 from wire.errors import ConfigError
 from wire.files import read_toml
@@ -84,6 +85,13 @@ def _end_with(error: Any) -> NoReturn:
 
 class Program(_JsonErrors, TyperGroup):
     """The command line of a program with commands."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command of the first argument; what may be meant by one that is none."""
+        names = self.list_commands(ctx)
+        if args[0] not in names and (near := meant(args[0], names)):
+            ctx.fail(f"no command {args[0]!r}{near}")
+        return super().resolve_command(ctx, args)
 
 
 class SingleProgram(_JsonErrors, TyperCommand):

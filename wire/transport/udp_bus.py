@@ -310,6 +310,15 @@ async def open_udp_drone(
     return UdpLink({sysid: port}, counters)
 
 
+def direct_address(link: str) -> tuple[str, str, int]:
+    """Kind, host and port of "udp:HOST:PORT", "udpin:..." or "udpout:..."; ValueError for text that is none."""
+    kind, _, where = link.partition(":")
+    host, _, port = where.rpartition(":")
+    if kind not in ("udp", "udpin", "udpout") or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise ValueError(f"{link!r} is not udp:HOST:PORT, udpin:HOST:PORT or udpout:HOST:PORT")
+    return kind, host, int(port)
+
+
 async def open_udp_direct(
     link: str, sysid: int, deliver: Deliver, rejections: RejectionLog, protection: Protection = LOOPBACK_ONLY
 ) -> UdpLink:
@@ -319,11 +328,8 @@ async def open_udp_direct(
     speaks there. Autopilots answer the port that first spoke to them, PX4 for its whole life: what sends there sends
     from the same port in every run, where that is free.
     """
-    kind, _, where = link.partition(":")
-    host, _, port = where.rpartition(":")
-    if kind not in ("udp", "udpin", "udpout") or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ValueError(f"{link!r} is not udp:HOST:PORT, udpin:HOST:PORT or udpout:HOST:PORT")
-    address = (await _resolve(host), int(port))
+    kind, host, port = direct_address(link)
+    address = (await _resolve(host), port)
     protection.demand_host("link", f"{address[0]}", sysid)
     counters, channel = LinkCounters(), protection.channel(sysid)
 

@@ -80,7 +80,7 @@ REFUSED: list[tuple[str, dict[str, object], str, str, str]] = [
     ("an hour", {"leader": flies("circle", period_s=20.0, laps=200)}, "leader.trajectory.laps", "200", "hour"),
     ("climb", {"flight": {"climb_m_s": 4.0}}, "flight.climb_m_s", "4", "limits.speed_m_s is 3"),
     ("grams", {"profiles": [{**OWN, "name": "ours", "mass_kg": 40.0}], "leader": {**LEADER, "profile": "ours"}},
-     "profiles[0].thrust_max_n", "0.8", "0.00 times its weight"),
+     "profiles[0].mass_kg", "40", "grams?"),
     ("a real drone of no profile",
      {"leader": {"body": "lead", "sysid": 1, "link": "udp:10.0.0.5:14550", "guard": "none"}}, "leader.profile",
      '"paper_40g"', 'Write profile = "..." there: paper_40g, paper_40g_printed, px4_quad'),
@@ -193,7 +193,7 @@ MISTAKES: list[tuple[str, dict[str, object], str]] = [
      "operator.stop_button.device"),
     ("no fence of a real room", {"leader": LEADER | REAL}, "limits.fence"),
     ("a wheelbase in millimetres", {"profiles": [OURS_TOO | {"wheelbase_m": 300}]}, "profiles[0].wheelbase_m"),
-    ("a mass in grams", {"profiles": [OURS_TOO | {"mass_kg": 1000}]}, "profiles[0].inertia_kg_m2"),
+    ("a mass in grams", {"profiles": [OURS_TOO | {"mass_kg": 1000}]}, "profiles[0].mass_kg"),
     ("a base that is not shipped", {"profiles": [OURS_TOO | {"base": "x5000"}]}, "profiles[0].base"),
 ]  # fmt: skip
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from drone_agent.guard.stages import table_markdown
-from formation.names import unknown
+from formation.names import meant
 from wire.clock import Clock
 from wire.errors import ConfigError
 from wire.process.daemon import STARVED, StarvedError
@@ -195,7 +195,9 @@ def _of_lab(file: Path, body: str | None) -> dict[str, Any]:
     drones = {vehicle.body: vehicle for vehicle in lab.vehicles if vehicle.sysid is not None}
     drone = drones.get(body or "")
     if drone is None:
-        raise ConfigError([f"{file}: --body {unknown(body, drones) if body else 'is missing: ' + ', '.join(drones)}"])
+        raise ConfigError(
+            [f"{file}: --body {body or 'is missing'}{meant(body or '', drones)}: its drones are {', '.join(drones)}"]
+        )
     keys = {} if lab.security is None else {"keys": keys_folder(lab.security.keys, file)}
     everywhere, addresses = "/0.0.0.0:", () if lab.security is None else lab.security.addresses
     # The ground listens at every address of its computer; here it is reached by those that the lab file names.

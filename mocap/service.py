@@ -107,12 +107,21 @@ class _OwnProcess:
         while self._process is not None:
             code = await self._process.wait()
             self._report(Event(Severity.CRITICAL, "mocap", f"the mocap process ended ({_ended(code)})"))
-            if code == NOT_RIGHT:
+            if code == NOT_RIGHT or not await self._starts_again():
                 return
+
+    async def _starts_again(self) -> bool:
+        """Start the process again, however often the system refuses; False where another one serves by then."""
+        while True:
             await asyncio.sleep(AGAIN_S)
             if await self._bus.serving(POLL_S) is not None:
-                return
-            await self.start()
+                return False
+            try:
+                await self.start()
+                return True
+            except OSError as error:
+                text = f"the mocap process cannot be started ({error.strerror or error}): trying again"
+                self._report(Event(Severity.CRITICAL, "mocap", text))
 
     async def stop(self) -> None:
         """End it, if it is still there."""

@@ -101,6 +101,26 @@ async def test_a_process_that_ends_well_and_serves_nobody_is_no_success():
 
 
 @in_loop
+async def test_a_restart_that_the_system_refuses_is_reported_and_tried_again(monkeypatch):
+    """Without memory or processes for a moment, as when a log fills the disk: the drones' poses must come back."""
+    monkeypatch.setattr(service, "AGAIN_S", 0.0)
+    events: list[Event] = []
+    own = service._OwnProcess(
+        Path("unused.toml"), Mock(serving=AsyncMock(return_value=None)), events.append, Mock(), "gcs"
+    )
+    own._process = Mock(wait=AsyncMock(side_effect=[-9, service.NOT_RIGHT]))
+    own.start = AsyncMock(side_effect=[OSError(12, "Cannot allocate memory"), OSError(11, "Try again"), None])
+    await own.supervise()
+    assert own.start.await_count == 3
+    assert [event.text for event in events] == [
+        "the mocap process ended (signal 9)",
+        "the mocap process cannot be started (Cannot allocate memory): trying again",
+        "the mocap process cannot be started (Try again): trying again",
+        f"the mocap process ended (exit code {service.NOT_RIGHT})",
+    ]
+
+
+@in_loop
 async def test_killing_the_ground_leaves_the_drones_their_poses(tmp_path):
     config, file = a_lab(), tmp_path / "lab.toml"
     file.write_text(dump(config))

@@ -98,3 +98,20 @@ def test_the_interpreter_is_not_finalised_beside_a_thread_that_closes(closing: b
     assert ended.returncode == exit_code
     assert ended.stderr == ("what went wrong\n" if exit_code == 1 else "")
     assert ended.stdout.split() == (["answered"] if closing else ["answered", "finalised"])
+
+
+@pytest.mark.parametrize("own_session", [True, False])
+def test_a_session_of_its_own_is_raised_with_it_and_nobody_elses(own_session: bool) -> None:
+    """Where the kernel groups by sessions, a nice level counts inside of one alone."""
+    code = (
+        "import os; from pathlib import Path; from wire.process.system import prefer_process; "
+        "group = Path('/proc/self/autogroup'); before = group.read_text() if group.exists() else ''; "
+        "report = prefer_process(); after = group.read_text() if group.exists() else ''; "
+        "print(report, before.split()[-1:] , after.split()[-1:], sep='|')"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code], check=True, start_new_session=own_session, capture_output=True, text=True
+    )
+    report, before, after = ran.stdout.strip().split("|")
+    raised = own_session and report == "nice -10" and before != "[]"
+    assert after == ("['-10']" if raised else before)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import pushes, words
+from analysis import words
 from analysis.links import backlogs
 from analysis.load import Flight, load_checked
 from analysis.metrics import Age, Latency, Summary, rms, summarise, vibration_of
@@ -113,7 +113,6 @@ def html(flight: Flight, summary: Summary, damage: str = "") -> str:
         events=(*_event_tables(flight), _rejection_table(flight)),
         altitudes=altitudes(flight),
         followers=_follower_table(flight, tracking),
-        pushes=_push_table(flight),
         leader=_leader_table(track_leader(flight)),
         backlog=_backlog_table(flight),
         setup=setup(flight),
@@ -194,29 +193,6 @@ def _follower_table(flight: Flight, tracking: Tracking) -> Table | None:
         if len(error):
             cells = (vehicle.body, *_statistics(error), mm(vibration_of(tracking, k)))
             rows.append(Row(cells, colours[k + 1]))
-    return table(head, rows)
-
-
-def _push_table(flight: Flight) -> Table | None:
-    """One row a push: of which drone, when, how long and strong, and the largest deviations, possible and flown; then
-    their mean."""
-    head = ("drone", "@push begins", "#lasts, s", "#strongest, m/s²", "#possible by motors, mm",
-            "#possible by attitude, mm", "#flown, mm", "#tilted, °")  # fmt: skip
-    colours, found = style.colours(len(flight.vehicles)), pushes.found(flight)
-    numbers = np.array(
-        [
-            (push.end_s - push.begin_s, push.peak_m_s2, 1e3 * push.by_motors_m, 1e3 * push.by_attitude_m,
-             1e3 * push.flown_m, np.degrees(push.tilt_rad))
-            for _, push in found
-        ]
-    )  # fmt: skip
-    rows = [
-        Row((vehicle.body, f"{push.begin_s:.2f} s", *(f"{number:.3g}" for number in row)),
-            colours[flight.vehicles.index(vehicle)])
-        for (vehicle, push), row in zip(found, numbers, strict=True)
-    ]  # fmt: skip
-    if len(rows) > 1:
-        rows.append(Row(("mean", "", *(f"{number:.3g}" for number in numbers.mean(axis=0)))))
     return table(head, rows)
 
 

@@ -402,6 +402,11 @@ class LabConfig(Model):
         return (self.leader, *self.followers)
 
     @property
+    def half_widths_m(self) -> list[float]:
+        """How far each of the n bodies reaches from its middle, whatever its heading."""
+        return [0.5 * self.profile_of(vehicle).width_m for vehicle in self.vehicles]
+
+    @property
     def link_kinds(self) -> str:
         """How its drones are reached, each way once: the shared link's kind, `udp` for a drone's own."""
         drones = [v for v in self.vehicles if v.sysid is not None]

@@ -252,15 +252,15 @@ def foreseen(shape: Shape, pose: Float, path: Trajectory | None, path_s: float, 
 
 def slot_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[Reject, ...]:
     """Which slots would be outside the fence, at once or where the leader's trajectory carries them."""
-    fence, reasons = config.limits.fence, list[Reject]()
-    at_start, on_path = outside_m(ahead.at_start, fence), outside_m(ahead.slots[:, :, 0], fence)
+    fence, half_m, reasons = config.limits.fence, config.half_widths_m[1:], list[Reject]()
+    at_start, on_path = outside_m(ahead.at_start, fence, half_m), outside_m(ahead.slots[:, :, 0], fence, half_m)
     for k, follower in enumerate(config.followers):
         sample = int(np.argmax(on_path[:, k]))
         if at_start[k] > 0.0:
-            where = beyond_text(ahead.at_start[k], fence)
+            where = beyond_text(ahead.at_start[k], fence, half_m[k])
             reasons.append(Reason.SLOT_OUTSIDE.of(follower.body, where))
         elif on_path[sample, k] > 0.0:
-            where = beyond_text(ahead.slots[sample, k, 0], fence)
+            where = beyond_text(ahead.slots[sample, k, 0], fence, half_m[k])
             where = f"{where}, {ahead.t_s[sample]:.1f} s along the leader's path"
             reasons.append(Reason.SLOT_OUTSIDE.of(follower.body, where))
     return tuple(reasons)
@@ -268,11 +268,12 @@ def slot_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[Reject, ...]
 
 def leader_path_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[Reject, ...]:
     """Where the leader itself would leave the fence on its trajectory."""
-    out = outside_m(ahead.leader[:, 0, :3], config.limits.fence)
+    fence, half_m = config.limits.fence, config.half_widths_m[0]
+    out = outside_m(ahead.leader[:, 0, :3], fence, half_m)
     sample = int(np.argmax(out))
     if config.leader.sysid is None or out[sample] <= 0.0:
         return ()
-    where = f"{beyond_text(ahead.leader[sample, 0, :3], config.limits.fence)}, {ahead.t_s[sample]:.1f} s along its path"
+    where = f"{beyond_text(ahead.leader[sample, 0, :3], fence, half_m)}, {ahead.t_s[sample]:.1f} s along its path"
     return (Reason.LEADER_OUTSIDE.of(config.leader.body, where),)
 
 

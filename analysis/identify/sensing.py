@@ -14,12 +14,12 @@ from analysis.identify.signals import CONFIDENCE, UP, Estimate, about, covarianc
 from analysis.links import from_drones, from_ground
 from analysis.load import Flight, Poses, Vehicle
 from analysis.tracking import airborne
-from formation.estimation.push import MAD_TO_DEVIATION
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
 from wire.clock_offset import ClockOffset
 from wire.link_messages import Attitude, AttitudeQuaternion, MessageId, TimeSync
 
+MAD_TO_DEVIATION = 1.4826  # of a normal distribution
 MAD_COST = 1.17  # standard error of that estimate, over sigma / sqrt(samples)
 LEAST = 50
 REACH = 2  # frames on either side that foretell a frame

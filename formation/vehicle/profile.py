@@ -141,6 +141,11 @@ class VehicleProfile(Model):
         return rotor_reach_m(self.wheelbase_m)
 
     @property
+    def width_m(self) -> float:
+        """From rotor tip to rotor tip."""
+        return self.wheelbase_m + 2.0 * self.rotor_radius_m
+
+    @property
     def turn_1_m(self) -> float:
         """Angular acceleration about x or y, rad/s^2, per m/s^2 of thrust on one side instead of the other."""
         return self.reach_m * self.mass_kg / max(self.inertia_kg_m2[0], self.inertia_kg_m2[1])

@@ -109,7 +109,7 @@ def _slots_at_start(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[F
     led = f"with the leader at {coordinates(ahead.start[:3])} m, heading {np.degrees(ahead.start[3]):.0f} degrees"
     for k, (follower, point) in enumerate(zip(config.followers, ahead.at_start, strict=True)):
         key = f"followers[{k}].offset_m"
-        if outside_m(point, fence, half_m := _half_widths_m(config)[k + 1]) > 0.0:
+        if outside_m(point, fence, half_m := config.half_widths_m[k + 1]) > 0.0:
             why = f"the slot of {follower.body} is {beyond_text(point, fence, half_m)}, {led}"
             yield keys.reject(key, START, why + _millimetres(np.array(follower.offset_m)))
 
@@ -117,7 +117,7 @@ def _slots_at_start(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[F
 def _trajectory(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding]:
     """Judge the leader's path, or else the paths of the slots."""
     fence, path = config.limits.fence, config.leader.trajectory
-    half_m = _half_widths_m(config)[0]
+    half_m = config.half_widths_m[0]
     leader_out = outside_m(ahead.leader[:, 0, :3], fence, half_m)
     outside = [k for k, point in enumerate(path.waypoints_m) if outside_m(np.array(point), fence, half_m) > 0.0]
     if path.kind in ("waypoints", "polynomial") and outside:
@@ -136,7 +136,7 @@ def _trajectory(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Findi
 def _carried_out(config: LabConfig, keys: Keys, ahead: Preview, shape: Shape) -> Iterator[Finding]:
     """The slot that is carried farthest out of the fence, or into the floor, and by what."""
     fence, path = config.limits.fence, config.leader.trajectory
-    half_m = _half_widths_m(config)[1:]
+    half_m = config.half_widths_m[1:]
     out = outside_m(ahead.slots[:, :, 0], fence, half_m)
     sample, k = (int(i) for i in np.unravel_index(int(np.argmax(out)), out.shape))
     if out[sample, k] <= 1e-9:
@@ -173,7 +173,7 @@ def _other_shapes(config: LabConfig, keys: Keys, configured_ahead: Preview) -> I
     for name in (*config.formation.shapes, *PATTERNS):
         listed = name in config.formation.shapes
         ahead = reshaped(configured_ahead, shape_for(config, ShapeRequest(name)))
-        half_m = _half_widths_m(config)[1:]
+        half_m = config.half_widths_m[1:]
         out = outside_m(ahead.slots[:, :, 0], fence, half_m)
         least, worst = out.max(axis=1).min(), out.max()
         if listed and min(least, outside_m(ahead.at_start, fence, half_m).max()) > 1e-9:
@@ -259,7 +259,7 @@ def _slots(config: LabConfig, keys: Keys, key: str, shape: Shape) -> Iterator[Fi
             yield keys.warn(subject, SEPARATION, why, f"{PERSONAL_SPACE * least_m:g} m or more")
         for other in range(k):
             gap = positions_m[k] - positions_m[other]
-            wide_m = 0.5 * (_width_m(config, k) + _width_m(config, other))
+            wide_m = config.half_widths_m[k] + config.half_widths_m[other]
             if float(np.hypot(gap[0], gap[1])) < wide_m <= abs(float(gap[2])):
                 low, high = (k, other) if gap[2] < 0.0 else (other, k)
                 why = f"{names[low]} would fly {abs(gap[2]):.2f} m under {names[high]}, in its downwash"
@@ -267,21 +267,10 @@ def _slots(config: LabConfig, keys: Keys, key: str, shape: Shape) -> Iterator[Fi
 
 
 def _width(config: LabConfig, keys: Keys) -> Iterator[Finding]:
-    least_m, i = config.limits.min_separation_m, max(config.commanded, key=lambda i: _width_m(config, i))
-    if least_m < (width_m := _width_m(config, i)):
+    least_m, i = config.limits.min_separation_m, max(config.commanded, key=config.half_widths_m.__getitem__)
+    if least_m < (width_m := 2.0 * config.half_widths_m[i]):
         why = f"{config.vehicles[i].profile} is {width_m:.2f} m wide: drones as near as that touch"
         yield keys.reject("limits.min_separation_m", SEPARATION, why, f"{width_m:.2f} m or more")
-
-
-def _width_m(config: LabConfig, i: int) -> float:
-    """From rotor tip to rotor tip across the vehicle."""
-    profile = config.profile_of(config.vehicles[i])
-    return profile.wheelbase_m + 2.0 * profile.rotor_radius_m
-
-
-def _half_widths_m(config: LabConfig) -> list[float]:
-    """How far each body reaches from its middle, whatever its heading, leader first."""
-    return [0.5 * _width_m(config, i) for i in range(len(config.vehicles))]
 
 
 def _spawns(config: LabConfig, keys: Keys) -> Iterator[Finding]:

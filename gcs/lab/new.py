@@ -40,7 +40,7 @@ offset_m = [{x:.2f}, {y:.2f}, 0.0]   # forward, left, up of the leader
 
 def lab_text(source: str, followers: int, kind: VehicleProfile) -> str:
     """The file's text, of one of SOURCES and 1 to 249 followers of one kind, in a triangle within the fence."""
-    width_m = kind.wheelbase_m + 2.0 * kind.rotor_radius_m
+    width_m = kind.width_m
     separation_m = max(ceil(20.0 * width_m) / 20.0, 0.2)
     spacing_m = ceil(20.0 * separation_m) / 10.0  # twice as far: nobody brakes for a neighbour
     slots = triangle(followers, spacing_m)

@@ -3,16 +3,12 @@
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-
 from formation.config import LabConfig
-from formation.maths.arrays import Float
 from formation.messages import Event, EventCode, Phase, Severity, Verb
 from gcs.alarms import ShownAlarms
 from gcs.page.foresee import Forecast, shape, start, trajectory
-from gcs.page.pushes import PushFinder
 from gcs.page.scene import Scene, Trails, scene
-from gcs.page.show import LOST_S, MOCAP_LOST_NS, NOTHING_YET, Cell, Show, none_of_ours, rehearsed, show
+from gcs.page.show import LOST_S, MOCAP_LOST_NS, NOTHING_YET, Show, none_of_ours, rehearsed, show
 from gcs.rehearsal import Rehearsal, lab_name
 from wire.ground_state import GroundState, decode
 
@@ -69,7 +65,6 @@ class Model:
         self.config = config
         self.alarms = ShownAlarms()
         self.control = Control()
-        self.pushes = PushFinder(config)
         self.state: GroundState | None = None
         self.scene = Scene((), (), (), ())
         self.start: Forecast | None = None
@@ -91,7 +86,6 @@ class Model:
                 self._start_ns = now_ns
                 self.start = start(state, self.config) if state.phase is Phase.HOLD else None
         self.state, self._state_ns = state, now_ns
-        self.pushes.receive_errors(_errors_lab_m(state), now_ns)
 
     def receive_mocap_state(self, state: dict[str, Any], now_ns: int) -> None:
         """Receive the mocap process's published state; ValueError for another version's."""
@@ -114,8 +108,7 @@ class Model:
         self._lost = lost
         mocap = self._mocap if now_ns - self._mocap_ns < MOCAP_LOST_NS else None
         shown = show(self.state, mocap, silent_s, () if self.start is None else self.start.against)
-        push = (("push", Cell(self.pushes.text)),) if self.pushes.found else ()
-        return replace(shown, vital=(*shown.vital, *push, ("rehearsal", rehearsed(self.rehearsal, self._lab_name))))
+        return replace(shown, vital=(*shown.vital, ("rehearsal", rehearsed(self.rehearsal, self._lab_name))))
 
     @property
     def may_choose(self) -> bool:
@@ -129,12 +122,3 @@ class Model:
     def foresee_trajectory(self, asked: str) -> Forecast | None:
         """A trajectory of the leader's before it is asked for; likewise."""
         return None if self.state is None else trajectory(asked, self.state, self.config)
-
-
-def _errors_lab_m(state: GroundState) -> dict[str, Float]:
-    """How far each drone in formation is from its reference."""
-    return {
-        drone.body: np.subtract(drone.pos_lab_m, drone.reference_lab_m)
-        for drone in state.drones
-        if state.phase is Phase.FORMATION and drone.pos_lab_m is not None and drone.reference_lab_m is not None
-    }

@@ -44,8 +44,6 @@ FOLDER = Path(__file__).parent / "browser"
 LOOPBACK = "127.0.0.1"
 PORT, PORTS = 8470, 20
 SOURCE_MOST = 80
-FRAMES_MOST = 64
-"""That wait while a page is drawn; then the oldest are lost."""
 FETCHED_MOST = 8
 """Pages that were fetched by somebody who has not connected yet; the oldest is dropped, and has to be loaded again."""
 WATCH_S = 0.25
@@ -85,7 +83,6 @@ class Page:
             bus.on_state(self._ground, self._receive_state)
             mocap = MocapBus(bus, self._clock)
             mocap.on_state(self._receive_mocap_state)
-            mocap.on_frame(self.model.pushes.receive_frame, FRAMES_MOST)
             yield
         finally:
             await bus.close()

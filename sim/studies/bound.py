@@ -3,13 +3,14 @@
 import numpy as np
 
 from drone_agent.simulation.disturbance import acceleration
-from formation.estimation.push import BEGUN
 from formation.maths.arrays import Float
 from formation.vehicle import bound
 from formation.vehicle.bound import STEP_S, AttitudeLoop
 from sim.scenario import Scenario
 
 BEFORE_S, AFTER_S = 0.3, 0.7
+BEGUN = 0.01
+"""Of its peak: the push has begun."""
 
 
 def attitude_loop(scenario: Scenario) -> AttitudeLoop:

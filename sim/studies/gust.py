@@ -11,7 +11,6 @@ import numpy as np
 from analysis.load import Flight
 from analysis.series import nearest
 from drone_agent.simulation.disturbance import SweptFan
-from formation.estimation.push import SETTLED_M
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
 from formation.messages import Phase
@@ -20,6 +19,8 @@ from sim.scenario import Scenario
 PUSHED = 0.05
 """A gust is on while it pushes with more than this share of its peak."""
 HOVER_CALM_S = 1.0
+SETTLED_M = 0.01
+"""A drone nearer than this to its place has settled."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,6 @@ from analysis.metrics import rms
 from analysis.tracking import Tracking, in_formation_phase, track
 from formation.codes import GOOD_RESULTS, FlightResult
 from formation.config import Fence, FollowerConfig
-from formation.estimation.push import SETTLED_M
 from formation.maths.arrays import Float
 from formation.messages import Phase
 from formation.trajectory_config import TrajectoryConfig
@@ -36,7 +35,7 @@ from sim.scenario import Pose, Scenario, TrueVehicle
 from sim.studies import experiments, host, neural_fly
 from sim.studies.bound import attitude_loop, gust_push
 from sim.studies.experiments import Experiment, Job
-from sim.studies.gust import chatter_deg, pushes, settling
+from sim.studies.gust import SETTLED_M, chatter_deg, pushes, settling
 from sim.studies.laws import ChosenLaw, followed_by
 from sim.studies.mismatch import Mismatch, off_by
 from wire import version

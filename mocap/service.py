@@ -120,8 +120,10 @@ class _OwnProcess:
                 await self.start()
                 return True
             except OSError as error:
-                text = f"the mocap process cannot be started ({error.strerror or error}): trying again"
-                self._report(Event(Severity.CRITICAL, "mocap", text))
+                why = error.strerror or error
+                self._report(
+                    Event(Severity.CRITICAL, "mocap", f"the mocap process cannot be started ({why}): trying again")
+                )
 
     async def stop(self) -> None:
         """End it, if it is still there."""

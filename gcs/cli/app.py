@@ -17,6 +17,7 @@ from typing import Annotated, TypeVar
 import typer
 
 from formation.exposure import MOCAP, PAGE, TOOL, is_local_endpoint, is_loopback
+from formation.names import unknown
 from formation.requests import GCS_NAME
 from gcs.cli import keys as keys_cli
 from gcs.cli import operator as operator_cli
@@ -25,7 +26,7 @@ from gcs.cli.children import page_process
 from gcs.doctor import cli as doctor_cli
 from wire import clock
 from wire.errors import ConfigError
-from wire.files import IN_LOCKSTEP, new_file, new_folder, run_folder
+from wire.files import IN_LOCKSTEP, new_file, new_folder, run_folder, write_edited
 from wire.process.output import dropping_output
 from wire.process.program import (
     DefaultCommand,
@@ -122,6 +123,8 @@ def new(
     source: Annotated[str | None, typer.Option(help="Camera system: vicon, natnet, qualisys, vrpn ...")] = None,
     followers: Annotated[int | None, typer.Option(min=1, max=100, help="How many.")] = None,
     profile: Annotated[str | None, typer.Option(help="Vehicle of every drone.")] = None,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
 ) -> None:
     """Write a lab file with comments, from three answers: given as options, or asked for on a terminal."""
     from formation.vehicle.profile import PROFILES
@@ -130,15 +133,15 @@ def new(
     source = source or _answer(f"Camera system ({', '.join(SOURCES)})", "vicon")
     count = followers or _answer("Number of followers", 2)
     profile = profile or _answer(f"Vehicle ({', '.join(PROFILES)})", "crazyflie_27g")
-    for name, known, what in ((source, SOURCES, "source"), (profile, PROFILES, "profile")):
+    for what, name, known in (("source", source, SOURCES), ("profile", profile, PROFILES)):
         if name not in known:
-            fail(f"no {what} {name!r}: {', '.join(known)}", NOT_RIGHT)
+            fail(f"no {what} {unknown(name, known)}", NOT_RIGHT)
     try:
-        with lab.open("x", encoding="utf-8") as file:
-            file.write(lab_text(source, count, PROFILES[profile]))
-    except OSError as error:
-        fail(f"{lab}: {error.strerror}: choose another name", NOT_RIGHT)
-    print(f"{lab} written: set the cameras' host and the fence, then gcs check {lab}; gcs-sim run {lab}")
+        write_edited(lab, lab_text(source, count, PROFILES[profile]), overwrite)
+    except (ConfigError, OSError) as error:
+        fail(str(error), NOT_RIGHT)
+    text = f"{lab} written: set the cameras' host and the fence, then gcs check {lab}; gcs-sim run {lab}"
+    print(json.dumps({"file": str(lab)}) if as_json else text)
 
 
 def _answer(question: str, usual: T) -> T:

@@ -19,8 +19,6 @@ from wire.errors import ConfigError
 from wire.files import demand_absent, write_edited
 from wire.process.program import Json, LabFile, Overwrite, configuration, fail
 from wire.process.system import NOT_RIGHT, REJECTED, python_command
-from wire.transport.serial_link import device_and_baud
-from wire.transport.udp_bus import direct_address
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
@@ -142,6 +140,9 @@ def bridge_unit(lab_file: Path, config: "LabConfig", user: str, body: str, autop
     drones = [vehicle.body for vehicle in config.vehicles if vehicle.sysid is not None]
     if body not in drones:
         raise ConfigError([f"--bridge: none of the lab's drones is {unknown(body, drones)}"])
+    from wire.transport.serial_link import device_and_baud  # MAVLink's parser, which `gcs stop` does without
+    from wire.transport.udp_bus import direct_address
+
     try:
         device_and_baud(autopilot) if autopilot.startswith("serial:") else direct_address(autopilot)
     except ValueError as error:

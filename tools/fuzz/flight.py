@@ -21,6 +21,7 @@ from gcs.alarms import EventMemory
 from gcs.live import Live
 from gcs.page.model import Model
 from mocap.core import MocapCore
+from mocap.retiming import GOES_ON, LONGEST_GAP
 from mocap.validator import RELEARN_FRAMES
 from tests.drone_agent.agent_harness import Harness, hover_at
 from tests.gcs.fakes import FakeLab, triangle
@@ -46,7 +47,7 @@ class Frames:
     """Frames of cameras to the mocap process, frames of that to the bus, and states of the ground to it."""
 
     def __init__(self, draw: Draw, counts: Counter[str]) -> None:
-        self._draw, self._counts, self._now_ns = draw, counts, 10**12
+        self._draw, self._counts, self._now_ns, self._number = draw, counts, 10**12, 0
         followers = [{"body": "left", "sysid": SYSID, "offset_m": (0.0, 1.0, 0.0)}]
         lab = LabConfig.model_validate({"leader": {"body": "lead"}, "followers": followers})
         self._bodies = tuple(v.body for v in lab.vehicles)
@@ -64,26 +65,29 @@ class Frames:
         bodies = self._bodies if n == 2 and draw.random() < 0.7 else draw.choices(TEXTS, k=n)
         is_raw = draw.random() < 0.6
         frame = (draw.raw_frame if is_raw else draw.lab_frame)(bodies, self._now_ns)
+        self._number += 1
+        frame = replace(frame, seq=self._number) if draw.random() < 0.9 else frame
         data = draw.noise() if draw.random() < 0.1 else draw.spoiled((RAW if is_raw else LAB).encode(frame))
         self._counts["taken"] += self._read(data) is not None
         self._mocap.events(self._now_ns)
         self._mocap.reject_log.due(self._now_ns)
 
     def probe(self) -> str:
-        """Empty where sound frames are taken at once, and soon believed, whatever came before them; motors are off.
+        """Empty where sound frames are taken as the GOES_ON-th of their count, and soon believed; motors are off.
 
         With its motors on, a body that has jumped in sight stays rejected: it lands.
         """
         self._mocap.note_motors(dict.fromkeys(self._bodies, False))
         self._now_ns += 25 * STEP_NS  # a stamp may be ahead by 20 ms: so long may it keep others out
-        for k in range(RELEARN_FRAMES + 1):
-            self._now_ns += STEP_NS
+        self._number += LONGEST_GAP
+        for k in range(GOES_ON + RELEARN_FRAMES):
+            self._now_ns, self._number = self._now_ns + STEP_NS, self._number + 1
             pos, q = np.full((2, 3), 1e-5 * (k % 7)), np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
-            sound = RawFrame(1, self._now_ns, self._bodies, pos, q, np.ones(2, np.bool_))
+            sound = RawFrame(self._number, self._now_ns, self._bodies, pos, q, np.ones(2, np.bool_))
             frame = self._read(RAW.encode(sound))
-            if frame is None:
+            if frame is None and k >= GOES_ON - 1:
                 return "a sound frame was not taken"
-            if frame.seen.all():
+            if frame is not None and frame.seen.all():
                 return ""
         return "sound frames were not believed"
 

@@ -163,7 +163,7 @@ def test_a_new_lab_file_is_written_once_and_flies(tmp_path: Path) -> None:
     written = lab.read_text()
     again = runner.invoke(app, [*asked, "--followers", "1"])
     assert (again.exit_code, lab.read_text()) == (2, written)
-    assert "lab.toml: File exists" in again.output
+    assert "lab.toml: it is there already: --overwrite writes over it" in again.output
     flown, _ = lockstep.run_in_memory(load(str(lab)), 1)
     assert flown.outcome.result is FlightResult.LANDED
     wrong = runner.invoke(app, ["new", str(tmp_path / "other.toml"), "--source", "optitrack"])

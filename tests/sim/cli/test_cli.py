@@ -71,7 +71,7 @@ def test_the_log_says_the_same_again(short_run: Path) -> None:
 @pytest.mark.parametrize(
     ("command", "text", "said"),
     [
-        ("run", "", "no poses"),
+        ("run", "", "no line of numbers in this file"),
         ("run", ROW + ROW.replace("1000000000", "900000000"), "leader.csv:2"),
         ("fly", ROW + "2000000000,1.0,2.0\n", "leader.csv:2"),
     ],

@@ -235,7 +235,7 @@ def test_kill_9_costs_only_the_newest_moments(tmp_path):
     assert check.first_ns == logged[0]
     # 50 ms on a machine with a core to spare (chunks every 20 ms); the bound leaves room for a busy one.
     assert logged[-1] - check.last_ns <= 1_000_000_000
-    assert [entry.t_ns for entry in read_log(path).entries] == logged[: check.entries["input/tick"]]
+    assert [entry.t_ns for entry in read_log(recorded(path)).entries] == logged[: check.entries["input/tick"]]
 
 
 def test_a_disk_that_cannot_keep_up_costs_what_may_be_lost_only(tmp_path, monkeypatch):

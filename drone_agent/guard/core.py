@@ -168,7 +168,7 @@ class GuardCore:
         if self._feed.fresh(now_ns):
             self._takeover.rest(now_ns, still=self._hold.update_rest(now_ns, armed=self._takeover.armed))
         self._act_on_faults()
-        if pose is not None and not self._takeover.descends_alone:
+        if pose is not None:
             self._send_autopilot(pose)
         self._update_due()
 
@@ -193,8 +193,7 @@ class GuardCore:
                 self._send_autopilot(asks_clock)
         turn_ns = self._takeover.deadline_ns()
         if turn_ns is not None and turn_ns <= now_ns:
-            fed, rejected = self._feed.fresh(now_ns), self._feed.is_rejecting
-            self._act(self._takeover.due(now_ns, fed=fed, down=self._hold.is_down, pose_rejected=rejected))
+            self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), down=self._hold.is_down))
         for event in self._setpoints.due_events(now_ns):
             self._report(event.severity, f"{event.text} (from {event.source})")
         to_ground = datagrams(self._config.sysid, self._to_ground) if self._to_ground else ()
@@ -305,10 +304,12 @@ class GuardCore:
         return False
 
     def _lands(self, now_ns: int) -> bool:
-        """Whether this process lands the body itself, as commanded: its autopilot's estimate is of faulty poses."""
+        """Whether this process lands the body itself, as commanded: it brakes by an estimate from before the fault.
+
+        The autopilot, shown a body at rest until the fault was detected, would land with the speed that it has.
+        """
         stage = self._takeover.stream.stage
-        is_rejecting = self._feed.is_rejecting or self._takeover.descends_alone
-        if not is_rejecting or not self._takeover.on_fault(Trigger.LAND_COMMAND, now_ns):
+        if not self._feed.is_rejecting or not self._takeover.on_fault(Trigger.LAND_COMMAND, now_ns):
             return False
         if stage is Stage.HOLD:
             self._report(*LANDS_ITSELF)
@@ -385,6 +386,8 @@ class GuardCore:
         for stage in turn.begun:
             if stage is Stage.HOLD:
                 self._hold.begin(self._now_ns)
+            elif stage is Stage.DESCEND:
+                self._feed.withhold()
             if stage is not Stage.HOLD or self._takeover.stream.reports_hold:
                 self._report(*REPORTS[stage])
         if turn.flown is not None:

@@ -274,6 +274,8 @@ class BodyFeed:
         self._pose_due_ns = t0_ns
         self._seen_ns: int | None = None
         self._rejecting_ns: int | None = None
+        self._withholds = False
+        """Whether the autopilot is shown no pose any more, until its motors are off."""
         self._same = 0
         """So many frames in a row have repeated the pose before them to the last bit, in the air."""
         self._floor_m = nan
@@ -294,6 +296,13 @@ class BodyFeed:
         """Whether it is known where the body is."""
         return self._seen_ns is not None and now_ns - self._seen_ns < _DEAD_RECKONING_NS
 
+    def withhold(self) -> None:
+        """It comes down without poses. Where they were rejected, the autopilot is shown none until its motors are off.
+
+        Where the body is becomes uncertain enough meanwhile for a pose that slides to seem right again.
+        """
+        self._withholds = self.is_rejecting
+
     def receive_frame(self, frame: LabFrame, now_ns: int, *, armed: bool) -> VisionPose | None:
         """Receive a frame; returns the pose for the autopilot, at most fifty a second."""
         bodies = frame.bodies
@@ -310,7 +319,7 @@ class BodyFeed:
                 self.check(now_ns)
             return None
         if not armed:
-            self._floor_m = position_m[2]
+            self._floor_m, self._withholds = position_m[2], False
         self.stands = not armed or (not self.is_rejecting and position_m[2] - self._floor_m <= _LIFTED_M)
         reason = self._estimate.receive_pose(t_ns, pos, q, stands=self.stands)
         if reason is RejectReason.FROZEN:
@@ -321,7 +330,7 @@ class BodyFeed:
         if self._rejecting_ns is not None or reason is not RejectReason.NONE:
             return None
         self._seen_ns = now_ns
-        if now_ns < self._pose_due_ns:
+        if self._withholds or now_ns < self._pose_due_ns:
             return None
         self._pose_due_ns = max(self._pose_due_ns + _POSE_NS, now_ns)  # a steady 50 Hz out of frames that jitter
         return VisionPose(t_ns // 1000, pos, q)

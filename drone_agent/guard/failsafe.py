@@ -210,16 +210,8 @@ class Takeover:
         """As its last heartbeat said; armed, until the first."""
         self._mode_known = True
         self._next_ns = self._next_command_ns = 0
-        self._done = self._descends_alone = False
+        self._done = False
         self._rest_since_ns = 0
-
-    @property
-    def descends_alone(self) -> bool:
-        """Whether it comes down by attitude and thrust since its poses were rejected, whatever they look like by now.
-
-        Where the body is has become uncertain enough meanwhile for a wrong pose to seem right.
-        """
-        return self._descends_alone and self.stream.stage is Stage.DESCEND
 
     @property
     def is_flown_by_setpoints(self) -> bool:
@@ -286,10 +278,9 @@ class Takeover:
             return self._next_ns
         return self.stream.deadline_ns if self._mode_known else None
 
-    def due(self, now_ns: int, *, fed: bool, down: bool, pose_rejected: bool) -> Turn:
+    def due(self, now_ns: int, *, fed: bool, down: bool) -> Turn:
         """The actions at `deadline_ns`; fed: the body's own pose is fresh; down: it was let down and sinks no more.
 
-        No landing of an autopilot's own begins in the air where poses were rejected: it was shown them until then.
         A stopped drone's motors must not turn, and are stopped until the autopilot says that they do not.
         """
         if self.stream.stage is Stage.STOPPED:
@@ -300,12 +291,9 @@ class Takeover:
             begun.append(stage)
         if Stage.HOLD in begun:
             self._next_command_ns = now_ns
-        if Stage.DESCEND in begun:
-            self._descends_alone = pose_rejected
         self._next_ns = now_ns + STEP_NS
         stage = self.stream.stage
-        lands = down or (stage is Stage.DESCEND and not self._descends_alone)
-        lands = lands and self._mode_known and now_ns >= self._next_command_ns
+        lands = (down or stage is Stage.DESCEND) and self._mode_known and now_ns >= self._next_command_ns
         if lands:
             self._next_command_ns = now_ns + _AGAIN_NS
         return Turn(tuple(begun), stage, lands)

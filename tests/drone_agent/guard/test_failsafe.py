@@ -105,22 +105,18 @@ def _taken_over() -> Takeover:
 
 def test_the_bridge_holds_lets_down_and_commands_a_landing_until_it_is_taken() -> None:
     takeover = _taken_over()
-    assert takeover.due(100 * MS, fed=True, down=False, pose_rejected=False) == Turn(
-        (Stage.HOLD,), Stage.HOLD, lands=False
-    )
+    assert takeover.due(100 * MS, fed=True, down=False) == Turn((Stage.HOLD,), Stage.HOLD, lands=False)
     assert takeover.deadline_ns() == 100 * MS + STEP_NS
-    assert takeover.due(1100 * MS, fed=True, down=False, pose_rejected=False) == Turn(
-        (Stage.LAND,), Stage.LAND, lands=False
-    )
-    assert takeover.due(2000 * MS, fed=True, down=True, pose_rejected=False) == Turn((), Stage.LAND, lands=True)
-    assert takeover.due(2010 * MS, fed=True, down=True, pose_rejected=False) == Turn((), Stage.LAND, lands=False)
-    assert takeover.due(2300 * MS, fed=True, down=True, pose_rejected=False) == Turn((), Stage.LAND, lands=True)
+    assert takeover.due(1100 * MS, fed=True, down=False) == Turn((Stage.LAND,), Stage.LAND, lands=False)
+    assert takeover.due(2000 * MS, fed=True, down=True) == Turn((), Stage.LAND, lands=True)
+    assert takeover.due(2010 * MS, fed=True, down=True) == Turn((), Stage.LAND, lands=False)
+    assert takeover.due(2300 * MS, fed=True, down=True) == Turn((), Stage.LAND, lands=True)
     takeover.acknowledged(CommandAck(GROUND, 21, Result.ACCEPTED))
     assert takeover.deadline_ns() is None
 
 
 def test_the_bridge_without_a_pose_commands_a_landing_at_once() -> None:
-    turn = _taken_over().due(100 * MS, fed=False, down=False, pose_rejected=False)
+    turn = _taken_over().due(100 * MS, fed=False, down=False)
     assert turn == Turn((Stage.HOLD, Stage.DESCEND), Stage.DESCEND, lands=True)
 
 

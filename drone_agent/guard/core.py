@@ -193,7 +193,10 @@ class GuardCore:
                 self._send_autopilot(asks_clock)
         turn_ns = self._takeover.deadline_ns()
         if turn_ns is not None and turn_ns <= now_ns:
-            self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), down=self._hold.is_down))
+            # A PX4 that lands without poses flies at 0.4 m/s sideways: its estimate drifts, a level attitude does not.
+            # But only an accelerometer brakes the body before; without one the autopilot's barometer lands it better.
+            alone = self._feed.is_rejecting and self._estimate.measures_force
+            self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), down=self._hold.is_down, alone=alone))
         for event in self._setpoints.due_events(now_ns):
             self._report(event.severity, f"{event.text} (from {event.source})")
         to_ground = datagrams(self._config.sysid, self._to_ground) if self._to_ground else ()
@@ -304,12 +307,10 @@ class GuardCore:
         return False
 
     def _lands(self, now_ns: int) -> bool:
-        """Whether this process lands the body itself, as commanded: it brakes by an estimate from before the fault.
-
-        The autopilot, shown a body at rest until the fault was detected, would land with the speed that it has.
-        """
+        """Whether this process lands the body itself, as commanded: it brakes by an estimate from before the fault."""
         stage = self._takeover.stream.stage
-        if not self._feed.is_rejecting or not self._takeover.on_fault(Trigger.LAND_COMMAND, now_ns):
+        own = self._takeover.descends_alone if stage is Stage.DESCEND else self._feed.is_rejecting
+        if not own or not self._takeover.on_fault(Trigger.LAND_COMMAND, now_ns):
             return False
         if stage is Stage.HOLD:
             self._report(*LANDS_ITSELF)

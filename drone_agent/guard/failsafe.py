@@ -210,8 +210,13 @@ class Takeover:
         """As its last heartbeat said; armed, until the first."""
         self._mode_known = True
         self._next_ns = self._next_command_ns = 0
-        self._done = False
+        self._done = self._descends_alone = False
         self._rest_since_ns = 0
+
+    @property
+    def descends_alone(self) -> bool:
+        """Whether the guard alone brings it down, by attitude and thrust, whatever its poses look like by now."""
+        return self._descends_alone and self.stream.stage is Stage.DESCEND
 
     @property
     def is_flown_by_setpoints(self) -> bool:
@@ -278,8 +283,9 @@ class Takeover:
             return self._next_ns
         return self.stream.deadline_ns if self._mode_known else None
 
-    def due(self, now_ns: int, *, fed: bool, down: bool) -> Turn:
-        """The actions at `deadline_ns`; fed: the body's own pose is fresh; down: it was let down and sinks no more.
+    def due(self, now_ns: int, *, fed: bool, down: bool, alone: bool = False) -> Turn:
+        """The actions at `deadline_ns`; fed: the body's own pose is fresh; down: it was let down and sinks no more;
+        alone: a descent that begins now is no matter for the autopilot's own landing.
 
         A stopped drone's motors must not turn, and are stopped until the autopilot says that they do not.
         """
@@ -291,9 +297,12 @@ class Takeover:
             begun.append(stage)
         if Stage.HOLD in begun:
             self._next_command_ns = now_ns
+        if Stage.DESCEND in begun:
+            self._descends_alone = alone
         self._next_ns = now_ns + STEP_NS
         stage = self.stream.stage
-        lands = (down or stage is Stage.DESCEND) and self._mode_known and now_ns >= self._next_command_ns
+        lands = down or (stage is Stage.DESCEND and not self._descends_alone)
+        lands = lands and self._mode_known and now_ns >= self._next_command_ns
         if lands:
             self._next_command_ns = now_ns + _AGAIN_NS
         return Turn(tuple(begun), stage, lands)

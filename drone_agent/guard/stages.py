@@ -65,6 +65,7 @@ TABLE: Mapping[tuple[Stage, Trigger], Stage] = MappingProxyType(
         (Stage.HOLD, Trigger.HELD): Stage.LAND,
         (Stage.HOLD, Trigger.THRUST_LOSS): Stage.LAND,
         **{(stage, Trigger.LAND_COMMAND): Stage.LAND for stage in (Stage.HOLD, Stage.LAND)},
+        (Stage.DESCEND, Trigger.LAND_COMMAND): Stage.DESCEND,
         (Stage.HOLD, Trigger.NO_POSE): Stage.DESCEND,
         (Stage.LAND, Trigger.NO_POSE): Stage.DESCEND,
         **{(stage, Trigger.ATTITUDE_LOSS): Stage.STOPPED for stage in _SETPOINT_MODES},

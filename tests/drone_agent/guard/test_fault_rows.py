@@ -127,12 +127,14 @@ def test_a_pose_that_freezes_in_motion_takes_the_drone_no_further_than_it_brakes
     assert drone.command(MavCommand.NAV_LAND) is Result.ACCEPTED
     assert drone.texts()[-1] == "Landing commanded, pose rejected: the guard lands it"
     assert drone.stream.stage is Stage.LAND
-    farthest_m = 0.0
+    farthest_m, handed_over = 0.0, False
     for _ in range(80):
         drone.run(0.1, mocap=False)
+        handed_over |= not drone.truth.on_ground and "Landing at current position" in drone.texts()
         farthest_m = max(farthest_m, float(np.linalg.norm((drone.truth.pos_lab_m - place)[:2])))
     assert drone.truth.on_ground
     assert not drone.autopilot.armed
+    assert handed_over is (inertial_rate_hz == 0.0)
     assert farthest_m < 0.4
 
 

@@ -107,6 +107,8 @@ def whatif(
         raise typer.BadParameter(f"--delay {delay}: a time such as +20ms or 0.02s is wanted")
     delay_s = float(late[1]) * (1e-3 if late[2] == "ms" else 1.0)
     try:
+        if law is not None:
+            chosen(law, gains).check()
         flight = load(log)
         name = law if gains is None or flight.run.lab is None else law or flown_by(flight.run.lab)
         change = Change(None if name is None else chosen(name, gains), without, delay_s, rate or inf)

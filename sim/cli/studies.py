@@ -270,6 +270,8 @@ def play_league(
             _check_league(known, runner, console, as_json)
             return
         flown_by = [chosen(name) for name in laws or league.BUILT_IN]
+        for law in flown_by:
+            law.check()
         tuned = league.gains_beside(flown_by) if gains is None else read_toml(gains)
         jobs = league.rows(flown_by, tuple(scene or ()), tuple(vehicle or league.VEHICLES), tuned, neural_fly)
         recorded_m = {} if neural_fly is None else flown_rms_m(neural_fly)

@@ -60,6 +60,11 @@ class ChosenLaw:
         """The own laws of the lab's followers; None where a preset flies. ValueError where there is no such law."""
         return None if self.is_preset else OwnLaws(self.maker(), self.label, lab)
 
+    def check(self) -> None:
+        """ValueError where it is an own law that cannot be made: before anything flies."""
+        if not self.is_preset:
+            self.maker()
+
     def maker(self) -> Callable[[], ControlLaw]:
         """Makes an own law; ValueError where there is none of that name, or it takes no such options."""
         if self.is_file:

@@ -171,3 +171,13 @@ def test_what_cannot_be_asked_is_named(log: Path, words: tuple[str, ...], error:
     done = CliRunner().invoke(app, ["whatif", str(log), *words, "--json"])
     assert done.exit_code == 2
     assert error in done.output
+
+
+def test_a_law_that_is_none_is_named_before_the_log_is_read(tmp_path: Path) -> None:
+    """It was named after ten seconds of finding what acted on the drones."""
+    law, log = tmp_path / "law.py", tmp_path / "flight.mcap"
+    law.write_text("x = 1\n")
+    log.touch()
+    done = CliRunner().invoke(app, ["whatif", str(log), "--law", str(law)])
+    assert done.exit_code == 2
+    assert "which law? law.py:NAME, of none" in done.output

@@ -299,7 +299,7 @@ class BodyFeed:
     def withhold(self) -> None:
         """It comes down without poses. Where they were rejected, the autopilot is shown none until its motors are off.
 
-        Where the body is becomes uncertain enough meanwhile for a pose that slides to seem right again.
+        Where the body is becomes uncertain enough meanwhile for a pose that drifts to seem right again.
         """
         self._withholds = self.is_rejecting
 

@@ -1,5 +1,6 @@
 """Short flights for real processes, and how to start and watch `gcs-sim fly` from outside."""
 
+import asyncio
 import os
 import signal
 import subprocess
@@ -115,11 +116,21 @@ def read_until(process: subprocess.Popen[str], word: str) -> str:
     raise AssertionError(f"ended without {word!r}:\n{said}")
 
 
+RETIMED = "stamps are arrival times: frames are re-timed"
+
+
+async def until_retimed(out: Path) -> None:
+    """Return when the flight's mocap process has found that its stamps are arrival times: after some 200 frames."""
+    async with asyncio.timeout(120.0):
+        while RETIMED not in (out / "mocap.log").read_text():
+            await asyncio.sleep(0.05)
+
+
 def check_order(out: Path) -> None:
     """Frames that were overtaken are dropped and counted, and the others' exposures stay computed."""
     said = (out / "mocap.log").read_text()
     assert "frame out of order" in said
-    assert said.count("stamps are arrival times: frames are re-timed") == 1
+    assert said.count(RETIMED) == 1
     assert "begin anew" not in said
 
 

@@ -1,5 +1,6 @@
 """Whole flights by real processes, started as a user starts them."""
 
+import asyncio
 import json
 import os
 import signal
@@ -19,6 +20,7 @@ from tests.end_to_end.flights import (
     pid_of,
     processes_of,
     read_until,
+    until_retimed,
     write_scenario,
 )
 from tests.wire.flight import check_log
@@ -54,6 +56,7 @@ def test_ctrl_c_lands_the_drones_of_one_host_by_udp_and_leaves_no_process_and_a_
     words = ("--link", "udp", "--out", str(out))
     with gcs_sim_fly(str(write_scenario(tmp_path, CIRCLE, network=REORDERED)), *words) as process:
         read_until(process, "FORMATION")
+        asyncio.run(until_retimed(out))
         process.send_signal(signal.SIGINT)
         said, _ = process.communicate()
     assert process.returncode == 130, said

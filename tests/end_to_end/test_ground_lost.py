@@ -18,7 +18,7 @@ from sim.ports import private_link
 from sim.processes import ProcessGroup
 from sim.scenario import Scenario, load
 from sim.script import Operator
-from tests.end_to_end.flights import CIRCLE, REORDERED, SPEED, check_order, write_scenario
+from tests.end_to_end.flights import CIRCLE, REORDERED, SPEED, check_order, until_retimed, write_scenario
 from tests.wire.flight import check_log
 from wire.clock import Clock
 from wire.files import recorded
@@ -73,6 +73,7 @@ async def fly_and_kill(scenario: Scenario, files: Files) -> tuple[Watched, int]:
     async with running(scenario, 1, files, clock=clock, hosts=1) as flight:
         flight.bus.on_truth(watched.take)
         script = asyncio.create_task(operate(flight.bus, operator, 120.0, lambda _t_s, _phase: None, clock))
+        await in_flight(until_retimed(files.folder), flight.group)
         await in_flight(watched.wait_for(watched.all_fast_and_leaning), flight.group)
         killed_ns = clock.monotonic_ns()
         os.kill(flight.ground.process.pid, signal.SIGKILL)

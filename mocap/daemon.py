@@ -84,6 +84,8 @@ class Certainty:
         return now_ns - self._reported_ns >= EVERY_NS and not 1.0 / CHANGED < ratio < CHANGED
 
 
+INIT = 1
+"""The process that takes over who lost the one that started it, which may be gone before we begin."""
 WATCH_NS = 100_000_000
 STATE_NS = 1_000_000_000
 REMEMBERED = 1000
@@ -155,7 +157,7 @@ class Mocap:
                 self._outputs.state(state)
                 for event in self._certainty.events(self.source.status(), now_ns):
                     self.report(event)
-            if os.getppid() == self._parent:
+            if os.getppid() == self._parent != INIT:
                 self._needed_ns = now_ns
             if linger_s is not None and now_ns - self._needed_ns > linger_s * 1e9:
                 return

@@ -73,12 +73,12 @@ async def fly_and_kill(scenario: Scenario, files: Files) -> tuple[Watched, int]:
     async with running(scenario, 1, files, clock=clock, hosts=1) as flight:
         flight.bus.on_truth(watched.take)
         script = asyncio.create_task(operate(flight.bus, operator, 120.0, lambda _t_s, _phase: None, clock))
-        await in_flight(until_retimed(files.folder), flight.group)
         await in_flight(watched.wait_for(watched.all_fast_and_leaning), flight.group)
         killed_ns = clock.monotonic_ns()
         os.kill(flight.ground.process.pid, signal.SIGKILL)
         script.cancel()
         await watched.wait_for(lambda: watched.all_landed_since(killed_ns))
+        await until_retimed(files.folder)  # re-timed, frames that a network held back come too late to fly by
     return watched, killed_ns
 
 

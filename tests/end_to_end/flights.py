@@ -1,6 +1,5 @@
 """Short flights for real processes, and how to start and watch `gcs-sim fly` from outside."""
 
-import asyncio
 import os
 import signal
 import subprocess
@@ -22,7 +21,6 @@ script = [
 [mocap]
 rate_hz = {rate_hz}
 gaps = {gaps}
-{network}
 
 [lab]
 name = "lab"
@@ -54,30 +52,14 @@ CIRCLE = 'kind = "circle", radius_m = 0.5, period_s = 5.0, duration_s = 60.0'
 
 PLAIN, UPSIDE_DOWN = "[1.0, 0.0, 0.0, 0.0]", "[0.0, 0.6, 0.8, 0.0]"
 
-REORDERED = "arrival_stamps = true\nstall_s = 0.15\nstall_every_s = 0.8\nreordered_share = 0.02"
-"""Frames stamped on arrival, of which a network delays some and turns the order of others round."""
-
 
 def write_scenario(
-    folder: Path,
-    trajectory: str,
-    cameras: str = "",
-    q_marker_from_flu: str = PLAIN,
-    gaps: str = "[]",
-    network: str = "",
+    folder: Path, trajectory: str, cameras: str = "", q_marker_from_flu: str = PLAIN, gaps: str = "[]"
 ) -> Path:
-    """cameras: further lines of the lab's [mocap]; q_marker_from_flu: of the leader; gaps: of the emulated mocap.
-
-    network: further lines of the emulated mocap.
-    """
+    """cameras: further lines of the lab's [mocap]; q_marker_from_flu: of the leader; gaps: of the emulated mocap."""
     path = folder / "short_triangle.toml"
     text = TRIANGLE.format(
-        trajectory=trajectory,
-        rate_hz=RATE_HZ,
-        cameras=cameras,
-        q_marker_from_flu=q_marker_from_flu,
-        gaps=gaps,
-        network=network,
+        trajectory=trajectory, rate_hz=RATE_HZ, cameras=cameras, q_marker_from_flu=q_marker_from_flu, gaps=gaps
     )
     path.write_text(text)
     return path
@@ -114,24 +96,6 @@ def read_until(process: subprocess.Popen[str], word: str) -> str:
         if word in line:
             return said
     raise AssertionError(f"ended without {word!r}:\n{said}")
-
-
-RETIMED = "stamps are arrival times: frames are re-timed"
-
-
-async def until_retimed(out: Path) -> None:
-    """Return when the flight's mocap process has found that its stamps are arrival times: after some 200 frames."""
-    async with asyncio.timeout(120.0):
-        while RETIMED not in (out / "mocap.log").read_text():
-            await asyncio.sleep(0.05)
-
-
-def check_order(out: Path) -> None:
-    """Frames that were overtaken are dropped and counted, and the others' exposures stay computed."""
-    said = (out / "mocap.log").read_text()
-    assert "frame out of order" in said
-    assert said.count(RETIMED) == 1
-    assert "begin anew" not in said
 
 
 def processes_of(folder: Path) -> dict[int, list[str]]:

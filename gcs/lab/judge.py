@@ -107,9 +107,10 @@ def _slots_at_start(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[F
     if outside_m(ahead.start[:3], fence) > 0.0:
         return
     led = f"with the leader at {coordinates(ahead.start[:3])} m, heading {np.degrees(ahead.start[3]):.0f} degrees"
-    for k, (follower, point) in enumerate(zip(config.followers, ahead.at_start, strict=True)):
+    bodies = zip(config.followers, ahead.at_start, config.half_widths_m[1:], strict=True)
+    for k, (follower, point, half_m) in enumerate(bodies):
         key = f"followers[{k}].offset_m"
-        if outside_m(point, fence, half_m := config.half_widths_m[k + 1]) > 0.0:
+        if outside_m(point, fence, half_m) > 0.0:
             why = f"the slot of {follower.body} is {beyond_text(point, fence, half_m)}, {led}"
             yield keys.reject(key, START, why + _millimetres(np.array(follower.offset_m)))
 
@@ -247,7 +248,7 @@ def _slots(config: LabConfig, keys: Keys, key: str, shape: Shape) -> Iterator[Fi
     """Each slot against the leader and the slots before it."""
     least_m, names = config.limits.min_separation_m, [v.body for v in config.vehicles]
     distances_m = separations(shape.offsets)
-    positions_m = np.vstack([np.zeros(3), shape.offsets])
+    positions_m, half_m = np.vstack([np.zeros(3), shape.offsets]), config.half_widths_m
     for k in range(1, len(positions_m)):
         nearest = int(np.argmin(distances_m[k, :k]))
         near_m, subject = float(distances_m[k, nearest]), f"{key}[{k - 1}].offset_m"
@@ -259,7 +260,7 @@ def _slots(config: LabConfig, keys: Keys, key: str, shape: Shape) -> Iterator[Fi
             yield keys.warn(subject, SEPARATION, why, f"{PERSONAL_SPACE * least_m:g} m or more")
         for other in range(k):
             gap = positions_m[k] - positions_m[other]
-            wide_m = config.half_widths_m[k] + config.half_widths_m[other]
+            wide_m = half_m[k] + half_m[other]
             if float(np.hypot(gap[0], gap[1])) < wide_m <= abs(float(gap[2])):
                 low, high = (k, other) if gap[2] < 0.0 else (other, k)
                 why = f"{names[low]} would fly {abs(gap[2]):.2f} m under {names[high]}, in its downwash"
@@ -267,8 +268,9 @@ def _slots(config: LabConfig, keys: Keys, key: str, shape: Shape) -> Iterator[Fi
 
 
 def _width(config: LabConfig, keys: Keys) -> Iterator[Finding]:
-    least_m, i = config.limits.min_separation_m, max(config.commanded, key=config.half_widths_m.__getitem__)
-    if least_m < (width_m := 2.0 * config.half_widths_m[i]):
+    least_m, half_m = config.limits.min_separation_m, config.half_widths_m
+    i = max(config.commanded, key=half_m.__getitem__)
+    if least_m < (width_m := 2.0 * half_m[i]):
         why = f"{config.vehicles[i].profile} is {width_m:.2f} m wide: drones as near as that touch"
         yield keys.reject("limits.min_separation_m", SEPARATION, why, f"{width_m:.2f} m or more")
 

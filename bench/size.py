@@ -3,6 +3,7 @@
 import argparse
 import ast
 import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -29,7 +30,8 @@ class Size:
 
     constants: module-level names that are a number, or a tuple of numbers, each of which counts. imported_by_one: files
     that one file alone of the product imports, of the same folder. texts_compared: comparisons with a literal that has
-    a space. bridge_*: of the project's modules that the bridge's process loads; bridge_simulated: those of a simulator.
+    a space. bridge_*: of the project's modules that the bridge's process loads; bridge_simulated: those of a simulator. numba_private: classes of
+    its inside that are imported. estimate_fields: of VehicleEstimate; drone_fields: Drone; link_attributes: DroneLink.
     """
 
     product_lines: int
@@ -46,6 +48,30 @@ class Size:
     bridge_lines: int
     bridge_simulated: tuple[str, ...]
     dependencies: int
+    numba_private: int
+    estimate_fields: int
+    drone_fields: int
+    link_attributes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ways:
+    """The files that one frame passes, and one stop, and what a second of a lockstep flight calls: `bench.way`."""
+
+    frame: tuple[str, ...]
+    frame_folder_changes: int
+    stop: tuple[str, ...]
+    stop_lines: int
+    python_calls: int
+
+
+def ways(root: Path = ROOT) -> Ways:
+    """Of the tree under `root`, which is flown."""
+    command = (sys.executable, "-P", str(Path(__file__).with_name("way.py")))
+    surroundings = os.environ | {"PYTHONPATH": str(root)}
+    told = json.loads(subprocess.run(command, cwd=root, env=surroundings, stdout=subprocess.PIPE, check=True).stdout)
+    lines = _lines(root / file for file in told["stop"])
+    return Ways(tuple(told["frame"]), told["frame_folder_changes"], tuple(told["stop"]), lines, told["python_calls"])
 
 
 def measure(root: Path = ROOT) -> Size:
@@ -73,6 +99,10 @@ def measure(root: Path = ROOT) -> Size:
         bridge_lines=_lines(loaded.values()),
         bridge_simulated=tuple(sorted(name for name in loaded if f"{name}.".startswith(SIMULATED))),
         dependencies=len(project["dependencies"]),
+        numba_private=sum(map(_numba_private, trees.values())),
+        estimate_fields=_fields(trees, "VehicleEstimate"),
+        drone_fields=_fields(trees, "Drone"),
+        link_attributes=_fields(trees, "DroneLink"),
     )
 
 
@@ -93,6 +123,31 @@ def _is_number(value: ast.AST | None) -> bool:
     if isinstance(value, ast.UnaryOp):
         return _is_number(value.operand)
     return isinstance(value, ast.Constant) and type(value.value) in (int, float)
+
+
+def _numba_private(tree: ast.Module) -> int:
+    """Classes of numba's inside that are imported to be extended or overridden."""
+    imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+    inside = [node for node in imports if str(node.module).startswith("numba.core")]
+    return sum(alias.name[0].isupper() for node in inside for alias in node.names)
+
+
+def _fields(trees: dict[Path, ast.Module], name: str) -> int:
+    """What an object of the class of that name keeps: declared fields, and attributes that its `__init__` sets."""
+    kept: set[str] = set()
+    for node in (node for tree in trees.values() for node in tree.body):
+        if not (isinstance(node, ast.ClassDef) and node.name == name):
+            continue
+        for inner in ast.walk(node):
+            if isinstance(inner, ast.AnnAssign) and inner in node.body:
+                kept.add(ast.unparse(inner.target))
+            elif isinstance(inner, ast.Attribute) and isinstance(inner.ctx, ast.Store) and _is_self(inner.value):
+                kept.add(inner.attr)
+    return len(kept)
+
+
+def _is_self(value: ast.expr) -> bool:
+    return isinstance(value, ast.Name) and value.id == "self"
 
 
 def imported_by_one(root: Path, trees: dict[Path, ast.Module]) -> list[Path]:
@@ -136,12 +191,13 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", dest="as_json", help="print JSON instead of a table")
     parser.add_argument("--root", type=Path, default=ROOT, help="another tree than this one")
     options = parser.parse_args()
-    figures = asdict(measure(options.root.resolve()))
+    root = options.root.resolve()
+    figures = asdict(measure(root)) | asdict(ways(root))
     if options.as_json:
         print(json.dumps(figures, indent=2))
         return
     for name, value in figures.items():
-        text = ", ".join(value) or "none" if isinstance(value, tuple) else f"{value:,}"
+        text = f"{len(value)}" if isinstance(value, tuple) else f"{value:,}"
         print(f"{name.replace('_', ' '):30} {text}")
 
 

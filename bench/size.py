@@ -30,8 +30,9 @@ class Size:
 
     constants: module-level names that are a number, or a tuple of numbers, each of which counts. imported_by_one: files
     that one file alone of the product imports, of the same folder. texts_compared: comparisons with a literal that has
-    a space. bridge_*: of the project's modules that the bridge's process loads; bridge_simulated: those of a simulator. numba_private: classes of
-    its inside that are imported. estimate_fields: of VehicleEstimate; drone_fields: Drone; link_attributes: DroneLink.
+    a space. bridge_*: of the project's modules that the bridge's process loads; bridge_simulated: those of a simulator.
+    numba_private: classes of its inside that are imported. estimate_fields: of VehicleEstimate; drone_fields: of Drone;
+    link_attributes: of DroneLink.
     """
 
     product_lines: int

@@ -1,8 +1,8 @@
 """Prints as JSON the files that one frame and one stop pass on their way; run by `bench.size` in a tree's own folder.
 
 One frame: a leader and two followers in lockstep, from a raw frame's arrival to the commands that the guards hand to
-their autopilots: the files that most of fifty frames pass, and how often the folder changes from call to call until the
-ground has sent. One stop: the datagram that `gcs stop` sends, read by the ground's port and obeyed by ground and guards.
+their autopilots: the files that most of fifty frames pass, and how often the folder changes from call to call until
+the ground has sent. One stop: the datagram that `gcs stop` sends, read by the ground's port, and obeyed.
 Kernels are compiled: what they call in turn is not counted. Simulated cameras, links, vehicles and autopilots are left
 out, but for the calls of our own functions in a second of that flight.
 """

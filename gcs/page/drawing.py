@@ -128,21 +128,12 @@ def still(camera: Camera, fence: Fence) -> str:
     return "".join(lines)
 
 
-def moving(
-    camera: Camera,
-    shown: Scene,
-    preview_lab_m: Sequence[Point] = (),
-    path_lab_m: Sequence[Point] = (),
-    crowd: bool = False,
-) -> str:
-    """Trails, leader's path, slots, references, previewed slots, keep-outs, pairs that are near, and the drones.
+def moving(camera: Camera, shown: Scene, crowd: bool = False) -> str:
+    """Trails, slots, references, keep-outs, pairs that are near, and the drones.
 
     crowd: only the leader, and who is in trouble, is named.
     """
-    parts = [_polyline(camera, path_lab_m, "path")] if len(path_lab_m) > 1 else []
-    for body in shown.bodies:
-        if len(body.trail_lab_m) > 1:
-            parts.append(_polyline(camera, body.trail_lab_m, "trail", _colour(body)))
+    parts = [_trail(camera, body) for body in shown.bodies if len(body.trail_lab_m) > 1]
     covered: list[Box] = []
     for name, end in AXES:
         x, y, _ = camera.project(*end)
@@ -152,8 +143,8 @@ def moving(
         r = max(0.5 * body.size_m * scale, SMALLEST_PX)
         covered.append((x - r, y - r, x + r, y + r))
     parts += [_ring(camera, point, radius, "keepout") for point, radius in shown.keep_outs]
-    parts += _marks(camera, shown.slots_lab_m, "slot", 12.0)
-    parts += _marks(camera, preview_lab_m, "preview", 12.0)
+    slots = [camera.project(*point) for point in shown.slots_lab_m]
+    parts += [f'<circle class="slot" cx="{x:.1f}" cy="{y:.1f}" r="12"/>' for x, y, _ in slots]
     texts: list[tuple[float, float, str]] = []
     for i, j, distance_m in shown.pairs:
         one, other = shown.bodies[i].pos_lab_m, shown.bodies[j].pos_lab_m
@@ -266,20 +257,14 @@ def _points(camera: Camera, points: Iterable[Point]) -> str:
     return " ".join([f"{x:.0f},{y:.0f}" for x, y, _ in pixels])
 
 
-def _polyline(camera: Camera, points: Sequence[Point], name: str, colour: str = "") -> str:
-    stroke = f' stroke="{colour}"' if colour else ""
-    return f'<polyline class="{name}" points="{_points(camera, points)}"{stroke}/>'
+def _trail(camera: Camera, body: Body) -> str:
+    return f'<polyline class="trail" points="{_points(camera, body.trail_lab_m)}" stroke="{_colour(body)}"/>'
 
 
 def _ring(camera: Camera, point: Point, radius_m: float, name: str) -> str:
     x, y, z = point
     ring = _points(camera, [(x + radius_m * c, y + radius_m * s, z) for c, s in CIRCLE])
     return f'<polygon class="{name}" points="{ring}"/>'
-
-
-def _marks(camera: Camera, points: Sequence[Point], name: str, radius_px: float) -> list[str]:
-    pixels = [camera.project(*point) for point in points]
-    return [f'<circle class="{name}" cx="{x:.1f}" cy="{y:.1f}" r="{radius_px:g}"/>' for x, y, _ in pixels]
 
 
 def _text(camera: Camera, point: Point, text: str, name: str) -> str:
@@ -397,8 +382,3 @@ def visitor(name: str, role: Role) -> str:
 def stopped(shown: Show) -> str:
     """The effect of a stop."""
     return escape(shown.stop)
-
-
-def feasible(text: str, against: str) -> str:
-    """The forecast of a shape."""
-    return f'<span class="bad">✖ {escape(against)}</span>' if against else f"✔ {escape(text)}"

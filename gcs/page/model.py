@@ -4,15 +4,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from formation.config import LabConfig
-from formation.messages import Event, EventCode, Phase, Severity, Verb
+from formation.messages import Event, EventCode, Severity, Verb
 from gcs.alarms import ShownAlarms
-from gcs.page.foresee import Forecast, shape, start, trajectory
 from gcs.page.scene import Scene, Trails, scene
 from gcs.page.show import LOST_S, MOCAP_LOST_NS, NOTHING_YET, Show, none_of_ours, rehearsed, show
 from gcs.rehearsal import Rehearsal, lab_name
 from wire.ground_state import GroundState, decode
 
-START_NS = 1_000_000_000
 SILENT = Event(
     Severity.CRITICAL, "page", "the ground is not heard any more", lasts=True, code=EventCode.GROUND_SILENT
 )  # fmt: skip
@@ -67,12 +65,11 @@ class Model:
         self.control = Control()
         self.state: GroundState | None = None
         self.scene = Scene((), (), (), ())
-        self.start: Forecast | None = None
         self.rehearsal: Rehearsal | None = None
         self._lab_name = lab_name(config)
         self._mocap: dict[str, Any] | None = None
         self._trails = Trails()
-        self._state_ns = self._mocap_ns = self._start_ns = 0
+        self._state_ns = self._mocap_ns = 0
         self._lost = False
 
     def receive_state(self, text: str, now_ns: int) -> None:
@@ -82,9 +79,6 @@ class Model:
             show(state, None, 0.0)
             self.scene = scene(state, self.config, self._trails)
             self.alarms.receive_ground(state)
-            if now_ns - self._start_ns > START_NS:
-                self._start_ns = now_ns
-                self.start = start(state, self.config) if state.phase is Phase.HOLD else None
         self.state, self._state_ns = state, now_ns
 
     def receive_mocap_state(self, state: dict[str, Any], now_ns: int) -> None:
@@ -107,18 +101,10 @@ class Model:
             self.alarms.receive(SILENT if lost else SILENT.over(), unix_s)
         self._lost = lost
         mocap = self._mocap if now_ns - self._mocap_ns < MOCAP_LOST_NS else None
-        shown = show(self.state, mocap, silent_s, () if self.start is None else self.start.against)
+        shown = show(self.state, mocap, silent_s)
         return replace(shown, vital=(*shown.vital, ("rehearsal", rehearsed(self.rehearsal, self._lab_name))))
 
     @property
     def may_choose(self) -> bool:
         """Whether a trajectory of the leader's can be chosen now."""
         return self.state is not None and not self.state.allowed[Verb.TRAJECTORY]
-
-    def foresee(self, asked: str) -> Forecast | None:
-        """A shape before it is asked for; None until the ground was heard."""
-        return None if self.state is None else shape(asked, self.state, self.config)
-
-    def foresee_trajectory(self, asked: str) -> Forecast | None:
-        """A trajectory of the leader's before it is asked for; likewise."""
-        return None if self.state is None else trajectory(asked, self.state, self.config)

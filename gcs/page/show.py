@@ -191,13 +191,8 @@ def none_of_ours(whose: str) -> Iterator[None]:
         raise ValueError(f"no state of a {whose} of this version: {type(error).__name__}: {error}") from error
 
 
-def show(
-    state: GroundState | None, mocap: Mapping[str, Any] | None, silent_s: float, start_against: Sequence[str] = ()
-) -> Show:
-    """The view of the newest states; silent_s: since the ground was last heard, s.
-
-    start_against: reasons against a start that the ground finds only when asked (gcs.page.foresee).
-    """
+def show(state: GroundState | None, mocap: Mapping[str, Any] | None, silent_s: float) -> Show:
+    """The view of the newest states; silent_s: since the ground was last heard, s."""
     if state is None:
         return NOTHING_YET
     flying = state.phase in AIRBORNE
@@ -206,7 +201,7 @@ def show(
         phase=state.phase,
         cause=cause(state),
         since=_clock(state.phase_s),
-        steps=tuple(_step(verb, state, start_against) for verb in VERBS),
+        steps=tuple(_step(verb, state) for verb in VERBS),
         rows=tuple(row(drone, flying) for drone in state.drones),
         countdowns=countdowns(state),
         stop=stop_text(state),
@@ -221,12 +216,10 @@ def cause(state: GroundState) -> str:
     return f"{state.cause}; {AFTER_HOLD}" if state.phase is Phase.HOLD else state.cause
 
 
-def _step(verb: Verb, state: GroundState, start_against: Sequence[str]) -> Step:
-    reasons = state.allowed.get(verb, ())
-    if verb is Verb.START and state.phase is Phase.HOLD:
-        reasons = (*reasons, *start_against)
+def _step(verb: Verb, state: GroundState) -> Step:
     flying = any(drone.armed or drone.landed == LandedState.IN_AIR.name for drone in state.drones)
-    return Step(verb, reasons, flying, out_of_turn=Reason.OUT_OF_TURN.code in state.reject_codes.get(verb, ()))
+    out_of_turn = Reason.OUT_OF_TURN.code in state.reject_codes.get(verb, ())
+    return Step(verb, state.allowed.get(verb, ()), flying, out_of_turn)
 
 
 def countdowns(state: GroundState) -> tuple[str, ...]:

@@ -1,13 +1,11 @@
 """One browser's page: its elements, what they show, and what they ask. The server behind it is `gcs.page.shell`."""
 
 import math
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass
 from typing import Any
 
 from nicegui import ui
-from nicegui.elements.mixins.value_element import ValueElement
 
 from formation.config import CONFIGURED
 from formation.guidance.shape import known
@@ -17,7 +15,6 @@ from formation.security_config import MAY_ASK, Role
 from gcs.alarms import severities
 from gcs.page import drawing
 from gcs.page.drawing import Stand, above, perspective
-from gcs.page.foresee import Forecast
 from gcs.page.model import Model
 from gcs.page.show import LABELS, VERBS, Show
 from gcs.security.page_logins import Visitor
@@ -27,7 +24,6 @@ Ask = Callable[[Verb, str, Visitor | None], Awaitable[OperatorReply]]
 WIDE, HIGH = 640.0, 540.0
 PANEL_LEAST_PX = 50.0
 MANY = 8
-PREVIEW_EVERY = 10
 ANSWER_FOR = 150
 """Beats: an answer of 15 s ago is no answer to what is seen now."""
 KEYS = (Verb.STOP, Verb.HOLD, Verb.LAND)
@@ -47,8 +43,6 @@ class Viewer:
         self._stand, self._beats = Stand(), 0
         self._answered: int | None = None
         """The beat of the last answer that is shown."""
-        self._previewing: Form | None = None
-        self._foreseen: Forecast | None = None
         fence = model.config.limits.fence
         self._crowd = len(model.config.commanded) > MANY
         self._sizes = ((WIDE, HIGH), (WIDE, HIGH))
@@ -92,9 +86,9 @@ class Viewer:
             self._buttons = {verb: self._button(verb) for verb in VERBS}
         self._against = ui.html(sanitize=False).classes("against")
         self._answer = ui.html(sanitize=False).classes("answer")
-        self._forms = [self._shape_form()]
+        self._forms = {Verb.SHAPE: self._shape_form()}
         if self._model.config.leader.sysid is not None and self._model.config.leader.trajectories:
-            self._forms.append(self._trajectory_form())
+            self._forms[Verb.TRAJECTORY] = self._trajectory_form()
         with ui.element("div").classes("alarmbox"):
             with ui.element("div").classes("alarmhead"):
                 self._alarm_count = ui.label("no alarms")
@@ -103,7 +97,7 @@ class Viewer:
                 )
             self._alarms = ui.html(sanitize=False).classes("alarms")
 
-    def _shape_form(self) -> "Form":
+    def _shape_form(self) -> ui.button:
         with ui.element("div").classes("form"):
             names = list(known(self._model.config))
             shape = ui.select(names, value=names[0], label="shape").props("dense options-dense dark")
@@ -114,34 +108,19 @@ class Viewer:
                 heading_rad = math.radians(float(heading.value or 0.0))
                 return ShapeRequest(str(shape.value), float(scale.value or 1.0), heading_rad).text
 
-            return self._form(Verb.SHAPE, (shape, scale, heading), asked, self._model.foresee)
+            return self._button(Verb.SHAPE, asked)
 
-    def _trajectory_form(self) -> "Form":
+    def _trajectory_form(self) -> ui.button:
         with ui.element("div").classes("form way"):
             names = [CONFIGURED, *self._model.config.leader.trajectories]
             label = "leader's trajectory"
             path = ui.select(names, value=CONFIGURED, label=label).props("dense options-dense dark id=way")
-            return self._form(Verb.TRAJECTORY, (path,), lambda: str(path.value), self._model.foresee_trajectory)
+            return self._button(Verb.TRAJECTORY, lambda: str(path.value))
 
-    def _form(
-        self,
-        verb: Verb,
-        fields: Iterable[ValueElement[Any]],
-        asked: Callable[[], str],
-        foresee: Callable[[str], Forecast | None],
-    ) -> "Form":
-        """The end of a form: what is foreseen of what its fields ask for, and the button that asks."""
-        preview = ui.html("", sanitize=False).classes("wide")
-        button = ui.button(LABELS[verb], color=None).props(f"unelevated no-caps id=do-{verb}")
-        form = Form(verb, asked, foresee, preview, button)
-        button.on_click(lambda: self._ask_form(form))
-        for field in fields:
-            field.on_value_change(lambda: self._preview(form))
-        return form
-
-    def _button(self, verb: Verb) -> ui.button:
+    def _button(self, verb: Verb, asked: Callable[[], str] = str) -> ui.button:
+        """The button that asks for it; asked: with which argument."""
         keys = {Verb.HOLD: " · H", Verb.LAND: " · L"}.get(verb, "")
-        return ui.button(LABELS[verb] + keys, on_click=lambda: self.ask(verb), color=None).props(
+        return ui.button(LABELS[verb] + keys, on_click=lambda: self.ask(verb, asked()), color=None).props(
             f"unelevated no-caps id=do-{verb}"
         )
 
@@ -185,10 +164,9 @@ class Viewer:
         self._control_status.content = drawing.plain(model.control.status_text(self.name))
         self._take_control.set_visibility(self.may_command and not self.commands)
         allowed = {step.verb: step.allowed for step in shown.steps}
-        for form in self._forms:
-            against = form is self._previewing and self._foreseen is not None and self._foreseen.against
-            may = form.verb is Verb.SHAPE or model.may_choose
-            form.button.set_enabled(self.commands and self.may(form.verb) and not shown.lost and may and not against)
+        for verb, button in self._forms.items():
+            may = self.may(verb) and (verb is Verb.SHAPE or model.may_choose)
+            button.set_enabled(self.commands and not shown.lost and may)
         self._buttons[Verb.RESET].set_visibility(shown.phase is Phase.STOPPED)
         for verb, button in self._buttons.items():
             button.set_enabled(self.commands and self.may(verb) and allowed.get(verb, False) and not shown.lost)
@@ -198,16 +176,9 @@ class Viewer:
         self._alarm_count.classes(replace="loud" if model.alarms.loud else "")
         self._seen.set_visibility(any(not alarm.acknowledged for alarm in open_))
         self._seen.set_enabled(self.commands)
-        if self._previewing is not None and self._beats % PREVIEW_EVERY == 0:
-            self._judge()
-        ahead = self._foreseen or model.start
-        slots, path = ((), ()) if ahead is None else (ahead.slots_lab_m, ahead.path_lab_m)
-        slots = slots if self._previewing is not None else ()
         camera = perspective(fence, self._stand, *self._sizes[0])
-        self._moving3.content = drawing.svg(
-            camera, drawing.moving(camera, model.scene, slots, path, self._crowd), "the room"
-        )
-        top = drawing.moving(self._above, model.scene, slots, path)
+        self._moving3.content = drawing.svg(camera, drawing.moving(camera, model.scene, self._crowd), "the room")
+        top = drawing.moving(self._above, model.scene)
         self._moving2.content = drawing.svg(self._above, top, "the room from above")
 
     def _show_answer(self, text: str, accepted: bool) -> None:
@@ -254,23 +225,6 @@ class Viewer:
             self._sizes = ((wide3, high3), (wide2, high2))
             self._draw_still()
 
-    def _preview(self, form: "Form") -> None:
-        if self._previewing is not None and self._previewing is not form:
-            self._previewing.preview.content = ""
-        self._previewing = form
-        self._judge()
-
-    def _judge(self) -> None:
-        form = self._previewing
-        self._foreseen = None if form is None else form.foresee(form.asked())
-        if form is not None and self._foreseen is not None:
-            form.preview.content = drawing.feasible(self._foreseen.text, "; ".join(self._foreseen.against))
-
-    async def _ask_form(self, form: "Form") -> None:
-        self._previewing, self._foreseen = None, None
-        form.preview.content = ""
-        await self.ask(form.verb, form.asked())
-
 
 def moved_px(moved: Any) -> float:
     """A number as a browser sends it; ValueError for one that no mouse moves by: not finite, or past any screen."""
@@ -283,14 +237,3 @@ def moved_px(moved: Any) -> float:
 def _browsers_words() -> AbstractContextManager[None]:
     """While inside, an event that no page of ours sends changes nothing."""
     return suppress(TypeError, ValueError, ArithmeticError)
-
-
-@dataclass(eq=False)
-class Form:
-    """Something that is asked for with more than a button, and foreseen before: its request in words, its elements."""
-
-    verb: Verb
-    asked: Callable[[], str]
-    foresee: Callable[[str], Forecast | None]
-    preview: ui.html
-    button: ui.button

@@ -1,7 +1,6 @@
 """Pictures of the operator's page: `python -m tools.figures.page_pictures FOLDER`; needs Chromium, drones are fake.
 
-Three drones in formation, twenty, a trajectory before it is chosen, an alarm, a lost connection, a stop that all have
-latched.
+Three drones in formation, twenty, an alarm, a lost connection, a stop that all have latched.
 """
 
 import hashlib
@@ -84,27 +83,9 @@ def sources_hash() -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
-def _choice(tab: Tab, process: "subprocess.Popen[bytes]", out: Path) -> None:
-    """A trajectory of the leader's, looked at before it is chosen, and the formation again."""
-    say(process, "lab.ask(Verb.HOLD)")
-    tab.until("document.querySelector('.phase')?.textContent === 'HOLD'")
-    time.sleep(1.0)
-    tab.click(".form.way .q-field")
-    eight = "[...document.querySelectorAll('.q-item')].find(one => one.textContent.includes('eight'))"
-    tab.until(eight)
-    tab.run(f"{eight}.click()")
-    tab.until("document.querySelector('.form.way .wide').textContent.startsWith('✔ eight')")
-    time.sleep(1.0)
-    tab.picture(out / "way.png")
-    tab.click("#do-start")
-    tab.until("document.querySelector('.phase')?.textContent === 'FORMATION'")
-    time.sleep(3.0)
-
-
 def _incidents(tab: Tab, process: "subprocess.Popen[bytes]", out: Path) -> None:
     """Three drones, then what may happen to them."""
     tab.picture(out / "three.png")
-    _choice(tab, process, out)
     say(process, "lab.hidden = {'cf03'}")
     tab.until("document.querySelector('.alarm.bad')")
     time.sleep(1.0)

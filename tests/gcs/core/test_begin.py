@@ -6,7 +6,7 @@ import pytest
 from formation.messages import Phase, Verb
 from formation.reasons import Reason
 from tests.gcs.core.test_taking_part import accepted
-from tests.gcs.fakes import FakeLab, reasons, triangle
+from tests.gcs.fakes import FakeLab, reasons, refusal, triangle
 
 S = 1_000_000_000
 LINE = {"kind": "line", "length_m": 1.2, "duration_s": 6.0}
@@ -108,3 +108,10 @@ def test_a_leader_that_is_only_observed_begins_when_it_likes() -> None:
     lab = FakeLab(triangle(leader={"body": "lead"}))
     lab.take_off()
     assert reasons(lab, Verb.START, str(lab.now_ns + S)) == [Reason.LEADER_OBSERVED]
+
+
+def test_a_start_whose_trajectory_leaves_the_fence_is_rejected() -> None:
+    lab = FakeLab(triangle(limits={"fence": {"low_m": (-1.0, -1.0, -0.1), "high_m": (0.8, 1.0, 2.3)}}))
+    lab.take_off()
+    lab.run(0.5)
+    assert refusal(lab, Verb.START).startswith("lead: it would be outside the fence")

@@ -11,12 +11,11 @@ from formation.messages import Event, Phase, Severity, Verb
 from gcs.alarms import ACKNOWLEDGED, EventMemory, ShownAlarms, folded
 from gcs.page import drawing
 from gcs.page.drawing import Stand, above, perspective
-from gcs.page.foresee import shape, start
 from gcs.page.model import Control, Model
 from gcs.page.scene import Trails, scene
 from gcs.page.show import COLUMNS, UNITS, Cell, Level, Step, countdowns, row, show, stop_text, vital
 from gcs.rehearsal import record, recorded
-from tests.gcs.fakes import FakeLab, flying, refusal, triangle
+from tests.gcs.fakes import FakeLab, triangle
 from wire.ground_state import Alarm, GroundState, PublishedEvent, encode
 
 
@@ -278,31 +277,6 @@ def test_one_viewer_has_the_control_until_another_takes_it():
     assert control.status_text("viewer 1").startswith("Nobody has the control")
 
 
-def test_a_shape_is_judged_before_it_is_asked_for_as_the_ground_judges_it():
-    lab = flying()
-    state = lab.state
-    good = shape("line", state, lab.config)
-    assert good.against == ()
-    assert good.text.startswith("line: ")
-    assert {round(y, 1) for _, y, _ in good.slots_lab_m} == {-0.5, 0.5}
-    for asked in ("line scale=8", "configured scale=0.2", "star"):
-        said = [reason.split(",")[0] for reason in "; ".join(shape(asked, state, lab.config).against).split("; ")]
-        assert [reason.split(",")[0] for reason in refusal(lab, Verb.SHAPE, asked).split("; ")] == said
-    assert lab.reply(lab.ask(Verb.SHAPE, "line")).accepted
-
-
-def test_a_start_is_judged_with_the_leaders_whole_way():
-    config = triangle(limits={"fence": {"low_m": (-1.0, -1.0, -0.1), "high_m": (0.8, 1.0, 2.3)}})
-    lab = FakeLab(config)
-    lab.take_off()
-    lab.run(0.5)
-    state = lab.state
-    against = start(state, config).against
-    assert against[0].startswith("lead: it would be outside the fence")
-    assert not next(one for one in show(state, None, 0.0, against).steps if one.verb is Verb.START).allowed
-    assert refusal(lab, Verb.START).startswith("lead: it would be outside the fence")
-
-
 def test_a_drone_is_drawn_with_its_true_size_and_heading(flight):
     fence = triangle().limits.fence
     top = above(fence, 6400.0, 4800.0)
@@ -361,18 +335,13 @@ def test_lateness_is_red_where_frames_are_missed_not_where_no_cycle_is_late(flig
     assert (vital["late cycles"].level, vital["frames missed"].level) == (Level.CALM, Level.BAD)
 
 
-def test_a_trajectory_is_foreseen_as_the_ground_will_answer():
-    ways = {"eight": {"kind": "figure8", "length_m": 0.8, "period_s": 8.0}, "far": {"kind": "line", "length_m": 9.0}}
+def test_a_trajectory_can_be_chosen_until_it_has_begun():
+    ways = {"eight": {"kind": "figure8", "length_m": 0.8, "period_s": 8.0}}
     lab = FakeLab(triangle(leader={"body": "lead", "sysid": 1, "trajectories": ways}))
     lab.run(2.0)
-    model = Model(lab.core._config)
+    model = Model(lab.config)
     model.receive_state(encode(lab.state), lab.now_ns)
     assert model.may_choose
-    assert "; ".join(model.foresee_trajectory("far").against) == refusal(lab, Verb.TRAJECTORY, "far")
-    eight = model.foresee_trajectory("eight")
-    assert (eight.against, eight.slots_lab_m) == ((), ())
-    assert eight.text.startswith("eight: figure8, ")
-    assert np.ptp(np.array(eight.path_lab_m), axis=0) == pytest.approx([0.8, 0.4, 0.0], abs=0.02)
     assert lab.reply(lab.ask(Verb.TRAJECTORY, "eight")).accepted
     lab.fly()
     while not lab.state.trajectory_started:

@@ -430,7 +430,6 @@ app.add_typer(mocap_app, name="mocap")
 app.add_typer(keys_cli.app, name="keys")
 app.add_typer(service_cli.app, name="service")
 app.command()(doctor_cli.doctor)
-app.command()(doctor_cli.identify_bodies)
 app.command()(doctor_cli.logs)
 
 

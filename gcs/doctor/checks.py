@@ -426,13 +426,6 @@ def tipped_sysids(before: Snapshot, after: Snapshot) -> list[int]:
     return sorted(sysid for sysid, rise_rad in risen_rad.items() if rise_rad > TIPPED_RAD)
 
 
-def moved_bodies(before: Snapshot, after: Snapshot) -> list[int]:
-    """The indices of the bodies that were moved or tipped meanwhile, by the mocap."""
-    is_moved = np.linalg.norm(after.pos_lab_m - before.pos_lab_m, axis=-1) > MOVED_M
-    is_tipped = _tilt_rad(after.q_lab_from_flu) - _tilt_rad(before.q_lab_from_flu) > TIPPED_RAD
-    return [int(i) for i in np.flatnonzero(before.seen & after.seen & (is_moved | is_tipped))]
-
-
 def _tilt_rad(q_lab_from_flu: Quats | Quat) -> Float:
     """How far bodies (..., 4) are from level, rad."""
     x, y = q_lab_from_flu[..., 1], q_lab_from_flu[..., 2]

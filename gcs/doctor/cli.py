@@ -1,22 +1,18 @@
-"""`gcs doctor`, `gcs identify-bodies` and `gcs logs`: the terminal around the survey."""
+"""`gcs doctor` and `gcs logs`: the terminal around the survey."""
 
 import json
 import sys
-from collections.abc import Callable, Coroutine, Iterable, Sequence
+from collections.abc import Coroutine, Iterable, Sequence
 from pathlib import Path
-from select import select
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
 from formation.exposure import GROUND
-from formation.requests import GCS_NAME
-from gcs.cli.operator import Ground, Identity, ask_ground
 from wire.process.program import (
     Insecure,
     Json,
     LabFile,
-    Name,
     configuration,
     fail,
     print_error,
@@ -27,8 +23,6 @@ from wire.process.system import NOT_RIGHT, REJECTED
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
-    from gcs.doctor.checks import Snapshot
-    from gcs.doctor.identify import Identified
     from gcs.doctor.survey import Survey
     from gcs.finding import Finding, Fix, Refit
     from wire.security.protection import Protection
@@ -52,7 +46,13 @@ def doctor(
     """Check mocap, axes, links, clocks and parameters before a motor turns. Exit code 1 if any check fails."""
     config = configuration(lab)
     options = _FixOptions(fix, yes)
-    _conclude(_result(lambda: _run(_doctor(config, lab, seconds, still, as_json, options, insecure))), as_json)
+    findings = _run(_doctor(config, lab, seconds, still, as_json, options, insecure))
+    from gcs.finding import as_dicts, failed
+
+    if as_json:
+        print(json.dumps(as_dicts(findings)))
+    if failed(findings):
+        raise typer.Exit(REJECTED)
 
 
 def logs(
@@ -68,101 +68,27 @@ def logs(
     from wire.files import make_folder
 
     make_folder(out)
-    problems = _result(lambda: _run(_logs(config, lab, out, newest, sysid, as_json, insecure)))
+    problems = _run(_logs(config, lab, out, newest, sysid, as_json, insecure))
     for problem in problems:
         print_error(problem)
     if problems:
         raise typer.Exit(REJECTED)
 
 
-def identify_bodies(
-    lab: LabFile,
-    motors: Annotated[
-        bool, typer.Option("--motors", help="By a running ground: arm one drone at a time; you name whose motors turn.")
-    ] = False,
-    seconds: Annotated[float, typer.Option(min=1.0, help="How long each drone is waited for, by hand.")] = 60.0,
-    name: Name = GCS_NAME,
-    identity: Identity = "",
-    as_json: Json = False,
-    insecure: Insecure = False,
-) -> None:
-    """Find out which drone is which before take-off: lift each when asked. Exit code 1 if one is swapped or undecided.
-
-    The mocap says which body moved, the autopilots which of them was tipped with it; no motor turns without --motors.
-    """
-    config = configuration(lab)
-    from gcs.doctor.identify import by_motors, judge
-
-    ground = Ground(lab=lab, name=name, as_json=as_json, identity=identity, insecure=insecure)
-
-    def identified() -> list["Identified"]:
-        if not motors:
-            return _run(_by_hand(config, lab, seconds, insecure))
-        # Outside any event loop: Ctrl-C ends what waits for the operator, and disarms.
-        return by_motors(config, lambda verb, argument: ask_ground(verb, argument, ground), _answer, _print_line)
-
-    findings = judge(config, _result(identified))
-    if not as_json:
-        _show(findings)
-    _conclude(findings, as_json)
-
-
 def _run(work: Coroutine[Any, Any, T]) -> T:
+    """Its result; ends the program where the mocap, the links or an operator's wish are not right."""
     import uvloop
 
-    return uvloop.run(work)
-
-
-def _result(work: Callable[[], T]) -> T:
-    """What it returns; ends the program where the mocap, the links or an operator's wish are not right."""
-    from gcs.doctor.identify import StoppedError
     from mocap.service import ServiceError
 
     try:
-        return work()
+        return uvloop.run(work)
     except ServiceError as error:
         fail(str(error), error.code)
     except ValueError as error:
         fail(str(error), NOT_RIGHT)
-    except (OSError, StoppedError) as error:
+    except OSError as error:
         fail(str(error), REJECTED)
-
-
-def _conclude(findings: Sequence["Finding"], as_json: bool) -> None:
-    """Print them for scripts, and end with the exit code."""
-    from gcs.finding import as_dicts, failed
-
-    if as_json:
-        print(json.dumps(as_dicts(findings)))
-    if failed(findings):
-        raise typer.Exit(REJECTED)
-
-
-async def _by_hand(config: "LabConfig", lab_file: Path, seconds: float, insecure: bool) -> list["Identified"]:
-    from gcs.doctor.identify import StoppedError, by_hand
-    from gcs.doctor.survey import SNAPSHOT_NS, surveying  # loads MAVSDK
-
-    async with surveying(config, lab_file, print_event, _protection(config, lab_file, insecure)) as survey:
-
-        async def snapshot() -> "Snapshot":
-            armed = [link.name for link in survey.drones.values() if link.armed]
-            if armed:
-                raise StoppedError(f"{', '.join(armed)} is armed: disarm it before anybody lifts a drone")
-            return await survey.snapshot()
-
-        await survey.settle()
-        return await by_hand(config, snapshot, round(seconds * 1e9 / SNAPSHOT_NS), _print_line)
-
-
-def _print_line(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
-def _answer(within_s: float | None) -> str | None:
-    """The operator's next line, read unbuffered, so that what is waited for is what is there."""
-    with open(sys.stdin.fileno(), "rb", buffering=0, closefd=False) as keyboard:
-        line = keyboard.readline() if select([keyboard], [], [], within_s)[0] else b""
-    return line.decode(errors="replace").strip() if line else None
 
 
 class _FixOptions:

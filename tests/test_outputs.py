@@ -55,7 +55,6 @@ RUNS: dict[str, tuple[str, int]] = {
     "gcs service install": ("lab.toml --user root --to .", REFUSED),
     "gcs-sim fly": ("short.toml --out flown", NUMBERED),
     "gcs-sim run": ("short.toml --out first", NUMBERED),
-    "gcs-sim check": ("short.toml --svg short.svg", NUMBERED),
     "gcs-sim campaign": ("--replay 1:0 --log again.mcap", NUMBERED),
     "gcs-sim paper": ("--out tables --seeds 1", NUMBERED),
     "gcs-sim robustness": ("--only 1 --out runs", NUMBERED),

@@ -15,7 +15,6 @@ from gcs.lab.drawing import drawn, text_plan
 from gcs.lab.feasibility import peaks, trajectory_text
 from gcs.lab.findings import findings_of, judge_margins, line, of_grade, print_line
 from gcs.lab.judge import foreseen
-from gcs.lab.plan_svg import svg_plan
 from wire.config_file import ConfigError, lines_of, load
 from wire.files import new_file, read_toml
 from wire.process.program import fail
@@ -28,15 +27,18 @@ def check(lab: Path, svg: Path | None, as_json: bool, overwrite: bool = False) -
     """Judge and draw a lab file, or a scenario and the lab that it flies; ends the program with its exit code."""
     if _is_scenario(lab):
         # Scenarios are the simulator's; what they are is known there alone.
-        words = [str(lab), *([] if svg is None else ["--svg", str(svg)]), *(["--json"] if as_json else [])]
-        words += ["--overwrite"] if overwrite else []
+        if svg is not None:
+            fail(f"--svg: {lab} is a scenario: what is drawn is a lab file", NOT_RIGHT)
+        words = [str(lab), *(["--json"] if as_json else [])]
         raise typer.Exit(subprocess.run(python_command("sim", "check", *words), check=False).returncode)
     try:
         config = load(lab, LabConfig)
     except ConfigError as error:
         not_right(lab, error, as_json)
     else:
-        judge_lab(lab, config, svg, as_json, overwrite=overwrite)
+        if svg is not None:
+            draw(config, svg, overwrite)
+        judge_lab(lab, config, as_json)
 
 
 def not_right(file: Path, error: ConfigError, as_json: bool) -> None:
@@ -47,23 +49,21 @@ def not_right(file: Path, error: ConfigError, as_json: bool) -> None:
     conclude(file, wrong, None, as_json)
 
 
-def judge_lab(
-    file: Path,
-    config: LabConfig,
-    svg: Path | None,
-    as_json: bool,
-    further: Sequence[Finding] = (),
-    overwrite: bool = False,
-) -> None:
+def draw(config: LabConfig, svg: Path, overwrite: bool = False) -> None:
+    """Draw the lab from above into a file; ends the program where it cannot be written."""
+    from gcs.lab.plan_svg import write_plan  # loads matplotlib
+
+    ahead = foreseen(config)
+    try:
+        with new_file(svg, overwrite) as path:
+            write_plan(path, drawn(config, ahead), f"{_fence_text(config)}\n{_trajectory_text(config, ahead)}")
+    except OSError as error:
+        fail(f"{svg}: {error.strerror}", NOT_RIGHT)
+
+
+def judge_lab(file: Path, config: LabConfig, as_json: bool, further: Sequence[Finding] = ()) -> None:
     """Judge and draw a lab that could be read; ends the program with its exit code. further: what else was found."""
     ahead = foreseen(config)
-    if svg is not None:
-        plan = svg_plan(drawn(config, ahead), f"{_fence_text(config)}; {_trajectory_text(config, ahead)}")
-        try:
-            with new_file(svg, overwrite) as path:
-                path.write_text(plan, encoding="utf-8")
-        except OSError as error:
-            fail(f"{svg}: {error.strerror}", NOT_RIGHT)
     if not as_json:
         print(text_plan(drawn(config, ahead)), *summary(config, ahead), "", sep="\n")
     findings = (*findings_of(config), *further)

@@ -139,14 +139,12 @@ def mocap(
 @app.command()
 def check(
     name: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A scenario's file, or a lab file.")],
-    svg: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the lab from above into an SVG file.")] = None,
-    overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
     """Judge a scenario and the lab that it flies; starts nothing. `gcs check` does the same."""
     from sim.cli.flights import check as check_scenario
 
-    check_scenario(name, svg, as_json, overwrite)
+    check_scenario(name, as_json)
 
 
 @app.command("compile")

@@ -382,14 +382,14 @@ class Display:
         self._status.update(Text(f"{self._title}: {phase}, {t_s:.1f} s"))
 
 
-def check(file: Path, svg: Path | None, as_json: bool, overwrite: bool = False) -> None:
+def check(file: Path, as_json: bool) -> None:
     """Judge and draw; ends the program with its exit code, as `gcs check` does."""
     try:
         opened = find(str(file))
     except ConfigError as error:
         lab_cli.not_right(Path(error.source or file), error, as_json)
         return
-    lab_cli.judge_lab(file, _lab(opened), svg, as_json, tuple(_findings(opened.scenario)), overwrite)
+    lab_cli.judge_lab(file, _lab(opened), as_json, tuple(_findings(opened.scenario)))
 
 
 def _lab(opened: ScenarioFile) -> LabConfig:

@@ -1,6 +1,7 @@
 """`gcs check`: what it prints, draws and exits with; and that `gcs run` refuses the same."""
 
 import json
+import re
 import tomllib
 from pathlib import Path
 from xml.etree import ElementTree
@@ -14,10 +15,8 @@ from formation.config import LabConfig
 from formation.vehicle.profile import PROFILES
 from gcs.cli.app import app
 from gcs.finding import Finding, Grade
-from gcs.lab.drawing import drawn
-from gcs.lab.judge import foreseen, judge
+from gcs.lab.judge import judge
 from gcs.lab.new import SOURCES, lab_text
-from gcs.lab.plan_svg import svg_plan
 from sim import lockstep
 from sim.scenario import load
 from wire.config_file import parse
@@ -119,31 +118,36 @@ def test_an_emergency_stop_is_not_kept_waiting_by_a_lab_that_is_rejected(tmp_pat
     assert result.exit_code == 3, "it asks, and no ground answers"
 
 
-def test_the_svg_is_to_scale_and_complete() -> None:
-    config = load("triangle_circle").lab
-    root = ElementTree.fromstring(svg_plan(drawn(config, foreseen(config)), "a < b & c"))
-    fence = next(r for r in root.iter(f"{SVG}rect") if r.get("fill-opacity") == "0.025")
-    low, high = config.limits.fence.low_m, config.limits.fence.high_m
-    px_m = float(fence.get("width", "")) / (high[1] - low[1])
-    assert float(fence.get("height", "")) / (high[0] - low[0]) == pytest.approx(px_m, rel=1e-2)
-    rings = [c for c in root.iter(f"{SVG}circle") if c.get("stroke-dasharray")]
-    assert len(rings) == len(config.vehicles)
-    for ring, offset in zip(rings, [f.offset_m for f in config.followers], strict=False):
-        assert float(ring.get("r", "")) == pytest.approx(0.5 * px_m * config.limits.min_separation_m, abs=0.06)
-        across = float(rings[-1].get("cx", "")) - float(ring.get("cx", ""))
-        assert across == pytest.approx(px_m * offset[1], abs=0.2), "left is left"
-    shown = {text.text for text in root.iter(f"{SVG}text")}
-    assert {config.name, "a < b & c", "x forward", "y left", "fence", "slots' paths"} <= shown
+def size(group: ElementTree.Element) -> tuple[float, float]:
+    """Width and height of a drawn path, in the sheet's units."""
+    numbers = re.findall(r"-?\d+\.?\d*", group.find(f"{SVG}path").get("d", ""))
+    at = np.array(numbers, float).reshape(-1, 2)
+    return tuple(np.ptp(at, axis=0))
 
 
-def test_what_leaves_the_fence_is_drawn_as_plain_as_the_fence(tmp_path: Path) -> None:
+def test_the_svg_is_to_scale_and_what_leaves_the_fence_is_drawn_as_plain_as_the_fence(tmp_path: Path) -> None:
     """A circle of 1.7 m carries a slot 0.4 m to the right 0.1 m out of a fence 2 m to the right: one arc of it."""
     svg = tmp_path / "lab.svg"
     lab = written(tmp_path, ("radius_m = 0.5", "radius_m = 1.7"), ("laps = 3", "laps = 1"))
     assert runner.invoke(app, ["check", str(lab), "--svg", str(svg)]).exit_code == 1
-    root = ElementTree.parse(svg).getroot()
-    colour = next(r for r in root.iter(f"{SVG}rect") if r.get("fill-opacity") == "0.025").get("stroke")
-    assert len([way for way in root.iter(f"{SVG}polyline") if way.get("stroke") == colour]) == 1
+    root, config = ElementTree.parse(svg).getroot(), load(str(lab)).lab
+    (low_x, low_y, _), (high_x, high_y, _) = config.limits.fence.low_m, config.limits.fence.high_m
+    groups = {group.get("id"): group for group in root.iter(f"{SVG}g")}
+    wide, high = size(groups["fence"])
+    assert wide / high == pytest.approx((high_y - low_y) / (high_x - low_x), rel=1e-3)
+    across = config.limits.min_separation_m / (high_y - low_y) * wide
+    for body in ("leader", "right"):
+        assert size(groups[f"at-{body}"]) == pytest.approx((across, across), rel=1e-2)
+    assert len([group for group in root.iter(f"{SVG}g") if group.get("id") == "outside"]) == 1
+    shown = {text.text for text in root.iter(f"{SVG}text")}
+    assert {config.name, "leader", "right", "x forward, m", "y left, m", "fence", "slots' paths"} <= shown
+
+
+def test_a_scenario_is_judged_and_its_lab_file_drawn(tmp_path: Path) -> None:
+    scenario = tmp_path / "short.toml"
+    scenario.write_text('lab = "lab.toml"\n')
+    result = runner.invoke(app, ["check", str(scenario), "--svg", str(tmp_path / "x.svg")])
+    assert (result.exit_code, "what is drawn is a lab file" in result.output) == (2, True)
 
 
 @pytest.mark.parametrize("source", SOURCES)

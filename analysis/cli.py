@@ -30,9 +30,6 @@ Json = Annotated[bool, typer.Option("--json", help="Print it as JSON, and nothin
 Out = Annotated[
     Path | None, typer.Option("--out", metavar="FILE", help="Where to; without it report.html beside the log.")
 ]
-IdentifyOut = Annotated[
-    Path | None, typer.Option("--out", metavar="FILE", help="Where to; without it identified.html beside the log.")
-]
 ProfileOut = Annotated[Path | None, typer.Option("--write", metavar="FILE", help="Write a drone's profile as TOML.")]
 Drone = Annotated[int | None, typer.Option("--sysid", help="Whose profile; without it the last drone's.")]
 PngOut = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The PNG; without it beside the log.")]
@@ -257,7 +254,6 @@ def export(
 @app.command()
 def identify(
     log: LogPath,
-    out: IdentifyOut = None,
     write: ProfileOut = None,
     drone: Drone = None,
     overwrite: Overwrite = False,
@@ -273,17 +269,13 @@ def identify(
     with _refusing():
         if write is not None:
             demand_absent(write, overwrite)
-        flight = load(log)
-        found = identification.identify(flight)
-        with new_file(out or log.with_name("identified.html"), overwrite) as path:
-            identified.write(flight, found, path)
+        found = identification.identify(load(log))
         if write is not None:
             _write_profile(found, write, drone, overwrite)
     if as_json:
         typer.echo(identified.to_json(found))
     else:
         identified.print_identification(found, Console())
-        typer.echo(path)
 
 
 @app.command()

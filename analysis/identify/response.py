@@ -28,11 +28,10 @@ LEAST_S, TILT_MIN = 4.0, 2e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """The attitude response of one vehicle, and how well it fits.
+    """The attitude response of one vehicle.
 
     dead_time_s, lag_s: what the controller assumes; the other four: the fitted loop.
     rate_lead: how much of the body rates' lead the autopilot takes, 1 all, 0 none; None where none was sent.
-    parameters: what `step` takes. t_s, measured, modelled (T, 2): data and fit; residual_rad: what is left, RMS.
     """
 
     dead_time_s: Estimate
@@ -42,11 +41,6 @@ class Response:
     motor_lag_s: Estimate
     delay_s: Estimate
     rate_lead: Estimate | None
-    parameters: Float
-    t_s: Float
-    measured: Float
-    modelled: Float
-    residual_rad: float
 
 
 def fit(of: Sent, saw: Seen) -> Response | str:
@@ -70,7 +64,8 @@ def fit(of: Sent, saw: Seen) -> Response | str:
     cov[np.ix_(free, free)] = covariance(np.asarray(found.jac), found.fun, np.tile(saw.t_s, 2))
     best = START.copy()
     best[free] = found.x
-    return _response(best, cov, bool(free[RATES]), saw, _modelled(best, inputs, at_s, saw))
+    dead, lag, p, r, motor, delay, lead = propagated(_meant, best, cov)
+    return Response(dead, lag, p, r, motor, delay, lead if free[RATES] else None)
 
 
 def _inputs(of: Sent, until_s: float) -> tuple[Float, Float]:
@@ -99,15 +94,6 @@ def _answer(parameters: Float, values: Float, step_s: float) -> Float:
     numerator, denominator, _ = cont2discrete((np.ones(1), lags), step_s, "zoh")
     answered: Float = lfilter(numerator.ravel(), denominator, values - values[0], axis=0) + values[0]
     return answered
-
-
-def _response(parameters: Float, cov: Float, rates: bool, saw: Seen, modelled: Float) -> Response:
-    """The estimates that the fitted parameters mean."""
-    dead, lag, p, r, motor, delay, lead = propagated(_meant, parameters, cov)
-    return Response(
-        dead, lag, p, r, motor, delay, lead if rates else None, parameters, saw.t_s, saw.tilt, modelled,
-        float(np.sqrt(np.mean(np.square(saw.tilt - modelled)))),
-    )  # fmt: skip
 
 
 def _meant(parameters: Float) -> Float:

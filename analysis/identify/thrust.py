@@ -29,15 +29,12 @@ class Thrust:
 
     hover_norm: thrust_norm that hovers at lift-off. curve: k of T/T_max = (1 - k) u + k u^2, None where the thrust
     varied too little for a fit. full_m_s2: T_max over mass. fade_1_s: share of the thrust lost a second.
-    sent_norm, force_m_s2 (W,): window by window, the vertical part of what was sent, and what it made.
     """
 
     hover_norm: Estimate
     curve: Estimate | None
     full_m_s2: Estimate
     fade_1_s: Estimate
-    sent_norm: Float
-    force_m_s2: Float
 
 
 def fit(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Thrust | str:
@@ -52,8 +49,7 @@ def fit(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Thrust | str
     cov = covariance(regressors, residual, t_s)
     hover, curve, full, fade = propagated(_meant, solution, cov)
     known = curve if curve.half_width < CURVE_KNOWN else None
-    fresh = force - regressors[:, 2:] @ solution[2:]
-    return Thrust(hover, known, full, fade, regressors[:, 0], fresh)
+    return Thrust(hover, known, full, fade)
 
 
 def _windows(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Iterator[tuple[float, ...]]:

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import curve_fit
 
 from analysis.identify import response, thrust
-from analysis.identify.report import to_json, write
+from analysis.identify.report import to_json
 from analysis.identify.response import Response, nearest_first_order
 from analysis.identify.sensing import Sensing, attitudes_of, estimate_sensing, late, scatter
 from analysis.identify.signals import Estimate, Seen, Sent, propagated
@@ -82,7 +82,6 @@ def test_a_cascaded_loop_is_found_again(p: float, r: float, motor_s: float, dela
     assert covers(found.motor_lag_s, motor_s)
     assert found.delay_s.value == pytest.approx(delay_s, abs=0.001)
     assert found.rate_lead is None
-    assert found.residual_rad == pytest.approx(0.001, rel=0.05)
 
 
 def test_a_first_order_response_is_its_own_nearest():
@@ -239,15 +238,12 @@ def test_a_vehicle_of_the_labs_own_is_identified_from_its_own_profile(flown: Fli
     assert profile.command_delay_s <= profile.thrust_dead_time_s < 0.03
 
 
-def test_the_page_and_the_json_hold_every_estimate(flown: Flight, found: Identification, tmp_path: Path):
+def test_the_json_holds_every_estimate(flown: Flight, found: Identification):
     values = json.loads(to_json(found))
     assert set(values["drones"]) == {v.body for v in flown.vehicles}
     for drone in values["drones"].values():
         assert drone["response_lag_s"]["low"] < drone["response_lag_s"]["value"] < drone["response_lag_s"]["high"]
-    write(flown, found, tmp_path / "identified.html")
-    text = (tmp_path / "identified.html").read_text(encoding="utf-8")
-    assert text.count("<svg") == len(found.drones)
-    assert "thrust_curve" in text
+        assert {"thrust_curve", "hover_thrust_norm", "pose_late_s"} <= drone.keys()
 
 
 def test_a_flight_that_tells_nothing_says_so(flown: Flight):

@@ -1,7 +1,8 @@
 """`gcs service`: systemd units for this installation and this lab: what is started, as whom, what it may touch.
 
-Each says when it is ready and that it goes on (wire.process.daemon). The ground is in no boot: a person starts it and
-watches it. A unit finds everything read-only but its cache, its state and the devices of its groups.
+The units are the files in `units`, in which names are filled in. Each says when it is ready and that it goes on
+(wire.process.daemon). The ground is in no boot: a person starts it and watches it. A unit finds everything read-only
+but its cache, its state and the devices of its groups.
 """
 
 import json
@@ -10,6 +11,7 @@ import pwd
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -71,7 +73,7 @@ def install(
         print(f"{to / unit.name}: {unit.about}")
     print("\nnow\n  sudo systemctl daemon-reload")
     for unit in units:
-        print(f"  sudo systemctl {'enable --now' if unit.at_boot else 'start'} {unit.name}")
+        print(f"  sudo systemctl {'enable --now' if unit.is_at_boot else 'start'} {unit.name}")
     print(f"  journalctl --follow --unit '{units[-1].name}'")
 
 
@@ -95,43 +97,32 @@ def _known_user(user: str) -> str:
         fail(f"--user: this computer has no user {user!r}{near}", NOT_RIGHT)
 
 
-STATE = "mavlink-formation"
-"""Folder under /var/lib, where the ground's logs go, and under /var/cache, for compiled kernels."""
-
-
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """One file for /etc/systemd/system. at_boot: whether it is one that is enabled."""
+    """One file for /etc/systemd/system."""
 
     name: str
-    about: str
-    at_boot: bool
     text: str
+
+    @property
+    def about(self) -> str:
+        """Its first line: what it is for."""
+        return self.text.partition("\n")[0].removeprefix("# ")
+
+    @property
+    def is_at_boot(self) -> bool:
+        """Whether it is one that is enabled."""
+        return "[Install]" in self.text
 
 
 def ground_units(lab_file: Path, config: "LabConfig", user: str) -> tuple[Unit, ...]:
     """The mocap process that outlives every ground, where the lab has cameras, and the ground; lab_file: absolute."""
     has_cameras = config.mocap.source != "mavlink"
-    mocap = Unit(
-        f"{STATE}-mocap.service",
-        "the mocap process: at boot, so that poses reach the drones whatever becomes of the ground",
-        at_boot=True,
-        text=_text(
-            f"mocap process of lab {config.name}", python_command("gcs", "mocap", str(lab_file)), user, _RESTARTED
-        )
-        + _INSTALL,
-    )
-    # Its end lands the swarm, which has a minute; one that hangs is ended, and every guard lands its drone.
-    lines = ["WatchdogSec=2", "TimeoutStopSec=90", f"StateDirectory={STATE}", f"WorkingDirectory=%S/{STATE}"]
-    if config.operator.stop_button is not None:
-        lines.append("SupplementaryGroups=input")
-    command = python_command("gcs", "run", str(lab_file))
-    ground = Unit(
-        f"{STATE}-ground.service",
-        "the ground: started by hand, ready when frames and drones are heard; a stop lands the swarm first",
-        at_boot=False,
-        text=_text(f"ground of lab {config.name}", command, user, lines, (mocap.name,) if has_cameras else ()),
-    )
+    mocap = _unit("mocap", "mocap", ("gcs", "mocap", str(lab_file)), lab=config.name, user=user)
+    ground = _unit(
+        "ground", "ground", ("gcs", "run", str(lab_file)), lab=config.name, user=user,
+        mocap=mocap.name if has_cameras else "", groups="" if config.operator.stop_button is None else "input",
+    )  # fmt: skip
     return (mocap, ground) if has_cameras else (ground,)
 
 
@@ -148,69 +139,16 @@ def bridge_unit(lab_file: Path, config: "LabConfig", user: str, body: str, autop
     except ValueError as error:
         forms = "BODY=serial:DEV:BAUD, BODY=udp:HOST:PORT or BODY=udpin:HOST:PORT"
         raise ConfigError([f"--bridge: {body}={autopilot}: {forms} is wanted"]) from error
-    command = python_command("drone_agent", "--lab", str(lab_file), "--body", body, "--bridge", autopilot)
-    # After a crash in flight the autopilot's own time-out acts first.
-    lines = (*_RESTARTED, "SupplementaryGroups=dialout")
-    return Unit(
-        f"{STATE}-bridge-{body}.service",
-        f"the guard of {body}, at {autopilot}: at boot",
-        at_boot=True,
-        text=_text(f"guard of {body}, lab {config.name}", command, user, lines) + _INSTALL,
-    )
+    command = ("drone_agent", "--lab", str(lab_file), "--body", body, "--bridge", autopilot)
+    return _unit("bridge", f"bridge-{body}", command, lab=config.name, user=user, body=body, autopilot=autopilot)
 
 
-_RESTARTED = ("WatchdogSec=5", "Restart=on-failure", "RestartSec=1")
-_UNIT = """\
-[Unit]
-Description=mavlink-formation: {description}
-After=network-online.target
-Wants={wants}
-
-[Service]
-Type=notify
-ExecStart={command}
-User={user}
-{lines}
-# The first start compiles; `systemctl status` says what is waited for.
-TimeoutStartSec=infinity
-# Late setpoints are dropped: this goes before other programs.
-Nice=-10
-LimitNICE=-10
-NoNewPrivileges=yes
-ProtectSystem=strict
-ProtectHome=read-only
-PrivateTmp=yes
-# Kernels that no cache beside the program has are compiled at the first start.
-CacheDirectory={state}
-Environment=XDG_CACHE_HOME=%C/{state}
-CapabilityBoundingSet=
-RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK
-SystemCallFilter=@system-service
-SystemCallErrorNumber=EPERM
-SystemCallArchitectures=native
-RestrictNamespaces=yes
-RestrictSUIDSGID=yes
-LockPersonality=yes
-ProtectControlGroups=yes
-ProtectKernelLogs=yes
-ProtectKernelModules=yes
-ProtectKernelTunables=yes
-"""
-_INSTALL = """
-[Install]
-WantedBy=multi-user.target
-"""
-
-
-def _text(description: str, command: Sequence[str], user: str, lines: Sequence[str], wants: Sequence[str] = ()) -> str:
-    return _UNIT.format(
-        description=description,
-        command=" ".join(map(_quoted, command)),
-        user=user,
-        lines="\n".join(lines),
-        wants=" ".join(("network-online.target", *wants)),
-        state=STATE,
-    )
+def _unit(file: str, name: str, program: Sequence[str], **names: str) -> Unit:
+    """A unit of the folder beside this file, and what every unit has, with its names filled in."""
+    folder = Path(__file__).with_name("units")
+    text = "".join((folder / part).read_text(encoding="utf-8") for part in (f"{file}.service", "every.conf"))
+    command = " ".join(map(_quoted, python_command(*program)))
+    return Unit(f"mavlink-formation-{name}.service", Template(text).substitute(names, command=command))
 
 
 def _quoted(word: str) -> str:

@@ -194,7 +194,7 @@ async def _tcp(host: str, port: int, greeting_bytes: int, wait_s: float) -> Find
     return None
 
 
-def print_discovered(hosts: tuple[str, ...], wait_s: float, as_json: bool) -> None:
+def print_discovered(hosts: tuple[str, ...], as_json: bool, wait_s: float = 2.0) -> None:
     """Ask, wait, and print the servers that answered; none is no error."""
     print(f"gcs: asking the network, and {len(hosts)} hosts, for {wait_s:g} s", file=sys.stderr)
     found = asyncio.run(discover(hosts, wait_s))

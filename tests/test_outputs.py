@@ -42,7 +42,7 @@ INPUTS = {
 ELSEWHERE = {
     "gcs-log list": "--sqlite: the newest catalogue is one table of a database that stays",
     "gcs keys install": "keys that are there are refused: tests/gcs/security/test_keys.py",
-    "gcs logs": "a drone's logs have numbers of their own: gcs.doctor.mavsdk_drone.fetch_logs",
+    "gcs logs": "a drone's logs have numbers of their own: gcs.doctor.mavsdk_drone.fetch_log",
 }
 NUMBERED, REFUSED = 0, 2
 RUNS: dict[str, tuple[str, int]] = {

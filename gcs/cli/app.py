@@ -16,7 +16,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
-from formation.exposure import MOCAP, PAGE, TOOL, is_local_endpoint, is_loopback
+from formation.exposure import MOCAP, PAGE, TOOL, is_loopback
 from formation.names import unknown
 from formation.requests import GCS_NAME
 from gcs.cli import keys as keys_cli
@@ -282,13 +282,12 @@ def serve_mocap(
 @mocap_app.command()
 def discover(
     hosts: Annotated[list[str] | None, typer.Argument(help="Computers to ask directly, beside the network.")] = None,
-    wait: Annotated[float, typer.Option(min=0.1, max=30.0, help="How long answers are waited for, s.")] = 2.0,
     as_json: Json = False,
 ) -> None:
     """Find camera systems: Motive and QTM answer by themselves; of the others the ports of HOSTS are tried."""
     from mocap.discover import print_discovered
 
-    print_discovered(tuple(hosts or ()), wait, as_json)
+    print_discovered(tuple(hosts or ()), as_json)
 
 
 FORWARD = "ssh -L {port}:127.0.0.1:{port} USER@THIS-MACHINE from there, or, for simulation only, --insecure"
@@ -346,7 +345,7 @@ def live(
 
 
 ROUTER = "tcp/127.0.0.1:7447"
-"""Where ROS 2's `rmw_zenohd` listens, if nothing else is said."""
+"""Where ROS 2's `rmw_zenohd` of this machine listens: a ROS graph has no keys."""
 
 
 @app.command()
@@ -386,7 +385,6 @@ def metrics(
 def ros2(
     lab: LabFile,
     name: Name = GCS_NAME,
-    router: Annotated[str, typer.Option(metavar="ENDPOINT", help="Where `rmw_zenohd` listens.")] = ROUTER,
     domain: Annotated[int, typer.Option(min=0, max=232, help="ROS_DOMAIN_ID of the graph.")] = 0,
     namespace: Annotated[str, typer.Option(help="Before every topic and service but /tf and /diagnostics.")] = "",
     identity: Annotated[str, typer.Option(help="In a lab with keys, as whom hold and land are asked for.")] = TOOL,
@@ -410,11 +408,8 @@ def ros2(
         raise typer.BadParameter(
             f"{namespace!r} is no namespace of ROS 2: letters, digits and _", param_hint="--namespace"
         )
-    if not (insecure or is_local_endpoint(router)):
-        remedy = "run rmw_zenohd here, or, for simulation only, --insecure"
-        fail(f"--router {router} is not on this machine, and a ROS graph has no keys: {remedy}", NOT_RIGHT)
     config = configuration(lab)
-    graph = Graph(router, domain, f"/{path}" if path else "")
+    graph = Graph(ROUTER, domain, f"/{path}" if path else "")
     try:
         protection = lab_protection(config.security, lab, identity, insecure=insecure)
         count = uvloop.run(run(config, name, graph, print_event, protection, clock.Clock(speed)))

@@ -28,13 +28,14 @@ if TYPE_CHECKING:
     from wire.security.protection import Protection
 
 T = TypeVar("T")
+LISTEN_S = 5.0
+"""How long mocap and drones are listened to."""
 SETTLE_S = 3.0
 WIDTH = 150  # of a table that is not for a terminal
 
 
 def doctor(
     lab: LabFile,
-    seconds: Annotated[float, typer.Option(min=0.0, help="How long to listen to mocap and drones.")] = 5.0,
     still: Annotated[bool, typer.Option("--still", help="Skip the moves by hand that prove axes and names.")] = False,
     fix: Annotated[
         bool, typer.Option("--fix", help="Offer to write each parameter, or profile, that would do.")
@@ -46,7 +47,7 @@ def doctor(
     """Check mocap, axes, links, clocks and parameters before a motor turns. Exit code 1 if any check fails."""
     config = configuration(lab)
     options = _FixOptions(fix, yes)
-    findings = _run(_doctor(config, lab, seconds, still, as_json, options, insecure))
+    findings = _run(_doctor(config, lab, still, as_json, options, insecure))
     from gcs.finding import as_dicts, failed
 
     if as_json:
@@ -58,17 +59,16 @@ def doctor(
 def logs(
     lab: LabFile,
     out: Annotated[Path, typer.Option(help="Where to put them.")] = Path("logs"),
-    newest: Annotated[int, typer.Option(min=1, help="How many of each drone, from the newest on.")] = 1,
     sysid: Annotated[list[int] | None, typer.Option(help="Only this drone; as often as needed.")] = None,
     as_json: Json = False,
     insecure: Insecure = False,
 ) -> None:
-    """Download the drones' own flight logs."""
+    """Download the newest flight log of each drone."""
     config = configuration(lab)
     from wire.files import make_folder
 
     make_folder(out)
-    problems = _run(_logs(config, lab, out, newest, sysid, as_json, insecure))
+    problems = _run(_logs(config, lab, out, sysid, as_json, insecure))
     for problem in problems:
         print_error(problem)
     if problems:
@@ -106,7 +106,6 @@ class _FixOptions:
 async def _doctor(
     config: "LabConfig",
     lab_file: Path,
-    seconds: float,
     still: bool,
     as_json: bool,
     fixing: _FixOptions,
@@ -118,7 +117,7 @@ async def _doctor(
     recorded = read_record(lab_file)
     async with surveying(config, lab_file, print_event, _protection(config, lab_file, insecure)) as survey:
         survey.recall(recorded)
-        findings = await examine(config, max(seconds, SETTLE_S), None if still else _prompt, survey)
+        findings = await examine(config, LISTEN_S, None if still else _prompt, survey)
         note_fixes(lab_file, (f.fix for f in findings if f.fix is not None and survey.reads_at_boot(f.fix)))
         if not as_json:
             _show(findings)
@@ -202,7 +201,6 @@ async def _logs(
     config: "LabConfig",
     lab_file: Path,
     out: Path,
-    newest: int,
     only: list[int] | None,
     as_json: bool,
     insecure: bool,
@@ -219,7 +217,7 @@ async def _logs(
             if vehicle.sysid is None or (only and vehicle.sysid not in only):
                 continue
             try:
-                await survey.fetch_logs(vehicle.sysid, out, newest, _print_json if as_json else print)
+                await survey.fetch_log(vehicle.sysid, out, _print_json if as_json else print)
             except DroneError as error:
                 problems.append(str(error))
                 print_json_error(str(error))

@@ -133,10 +133,8 @@ async def _typed_parameter(reader: ParamAsync, name: str) -> int | float | None:
         return None
 
 
-async def fetch_logs(
-    system: Any, folder: Path, prefix: str, newest: int, progress: Callable[[str], None]
-) -> list[Path]:
-    """Download the newest logs, the newest first; progress: called with each file. DroneError without logs."""
+async def fetch_log(system: Any, folder: Path, prefix: str, progress: Callable[[str], None]) -> None:
+    """Download the newest log, if there is one; progress: called with its file. DroneError without a list of logs."""
     files = LogFilesAsync(system)
     try:
         async with asyncio.timeout(LISTING_S):
@@ -145,20 +143,19 @@ async def fetch_logs(
         raise DroneError(f"{prefix}: {error.result.name.lower().replace('_', ' ')}") from error
     except TimeoutError as error:
         raise DroneError(f"{prefix}: no list of logs came") from error
-    fetched = []
-    for entry in sorted(entries, key=lambda entry: int(entry.id), reverse=True)[:newest]:
-        wanted = log_path(folder, prefix, entry.id, entry.date)
-        progress(f"{wanted} ({entry.size_bytes / 1e6:.1f} MB)")
-        own = wanted.with_name(f".{wanted.name}.{os.getpid()}")  # until it is whole
-        try:
-            async for _ in files.download_log_file(entry, str(own)):
-                pass
-        except LogFilesError as error:
-            raise DroneError(f"{wanted}: {error}") from error
-        own.chmod(0o600)
-        path = finish_log(own, wanted)
-        fetched.append(path)
-    return fetched
+    if not entries:
+        return
+    entry = max(entries, key=lambda entry: int(entry.id))
+    wanted = log_path(folder, prefix, entry.id, entry.date)
+    progress(f"{wanted} ({entry.size_bytes / 1e6:.1f} MB)")
+    own = wanted.with_name(f".{wanted.name}.{os.getpid()}")  # until it is whole
+    try:
+        async for _ in files.download_log_file(entry, str(own)):
+            pass
+    except LogFilesError as error:
+        raise DroneError(f"{wanted}: {error}") from error
+    own.chmod(0o600)
+    finish_log(own, wanted)
 
 
 def log_path(folder: Path, prefix: str, number: int, date: str) -> Path:

@@ -25,7 +25,7 @@ from gcs.doctor.mavsdk_drone import (
     DroneError,
     MavsdkPort,
     MavsdkReport,
-    fetch_logs,
+    fetch_log,
     interview,
     mavsdk_system,
     read_parameter,
@@ -186,12 +186,12 @@ class Survey:
             model = self.drones[sysid].model
             return await interview(system, () if model is None else model.parameters)
 
-    async def fetch_logs(self, sysid: int, folder: Path, newest: int, report: Callable[[str], None]) -> list[Path]:
-        """Download the newest logs of one drone into `folder`. DroneError."""
+    async def fetch_log(self, sysid: int, folder: Path, report: Callable[[str], None]) -> None:
+        """Download the newest log of one drone into `folder`. DroneError."""
         async with self._mavsdk(sysid) as system:
             if system is None:
                 raise DroneError(f"{self.drones[sysid].name}: MAVSDK finds no autopilot")
-            return await fetch_logs(system, folder, self.drones[sysid].name, newest, report)
+            await fetch_log(system, folder, self.drones[sysid].name, report)
 
     async def write(self, fix: Fix) -> bool:
         """Write one parameter; whether it took."""

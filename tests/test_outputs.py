@@ -162,7 +162,6 @@ def here(given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "sim.studies.whatif_page.print_what_if": lambda *_: None,
         "analysis.report.html": lambda *_: "",
         "analysis.identify.vehicle.identify": lambda _flight: identified,
-        "analysis.identify.report.write": lambda _flight, _found, path: path.write_text(""),
         "analysis.identify.report.print_identification": lambda *_: None,
     }
     for name, does in played.items():

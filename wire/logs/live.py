@@ -11,7 +11,6 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from typing import Protocol, TypeVar
-from zlib import crc32
 
 import zstandard
 from mcap.exceptions import McapError
@@ -21,14 +20,12 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from wire.logs.mcap_read import clock_of
-from wire.logs.mcap_scan import MESSAGE, RECORD_HEAD, read_chunk, uncompressed
+from wire.logs.mcap_scan import RECORD_HEAD, messages, read_chunk, unpacked
 
 T = TypeVar("T")
 
 END = struct.pack("<BQI", Opcode.DATA_END, 4, 0) + struct.pack("<BQ20x", Opcode.FOOTER, 20) + MCAP0_MAGIC
 """What makes a log of a head."""
-CHUNK_MOST = 8 << 20
-"""Bytes of a chunk when unpacked; of ours, 20 to 200 ms of a flight, one has a hundredth of that."""
 HEAD_EVERY = 25
 """Chunks: half a second in flight."""
 
@@ -69,22 +66,12 @@ def sharer(bus: Bus, gcs_name: str) -> Callable[[bytes, bytes], None]:
 
 
 def _messages(chunk: bytes, channels: Container[int]) -> Iterator[tuple[int, int, bytes]]:
-    """(channel, date, data) of a chunk's messages; it is unpacked only so far as it says and CHUNK_MOST allows."""
+    """(channel, date, data) of a chunk's messages; ValueError where it is none."""
     record = read_chunk(chunk[RECORD_HEAD.size :])
-    if record is None or record.uncompressed_size > CHUNK_MOST:
-        raise ValueError(f"{len(chunk)} bytes that are no chunk, or one that is too large")
-    raw = uncompressed(record, zstandard.ZstdDecompressor())
-    if raw is None or len(raw) != record.uncompressed_size or crc32(raw) != record.uncompressed_crc:
-        raise ValueError(f"a chunk of {len(chunk)} bytes that says it holds {record.uncompressed_size}")
-    at = 0
-    while at < len(raw):
-        opcode, length = RECORD_HEAD.unpack_from(raw, at)
-        at += RECORD_HEAD.size
-        if opcode == Opcode.MESSAGE:
-            channel, _, unix_ns, _ = MESSAGE.unpack_from(raw, at)
-            if channel in channels:
-                yield channel, unix_ns, raw[at + MESSAGE.size : at + length]
-        at += length
+    raw = None if record is None else unpacked(record)
+    if raw is None:
+        raise ValueError(f"{len(chunk)} bytes that are no chunk, or one that is damaged or too large")
+    return ((channel, unix_ns, data) for channel, unix_ns, data in messages(raw) if channel in channels)
 
 
 @dataclass(frozen=True, slots=True)

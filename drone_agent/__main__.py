@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 app = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 
 EPILOG = (
-    "`drone-agent --sysid 1 --link udp` is a drone that any MAVLink client can fly. "
+    "`drone-agent --sysid 1 --link udp` is a drone that any MAVLink client can fly. All else is a key of the file. "
     "Exit codes: 0 done; 1 a port or a device cannot be had; 2 something given is not right; "
     "3 starved, the simulation came too late to be one."
 )
@@ -47,25 +47,15 @@ def _bodies(incomplete: str) -> list[str]:
     return starting(bodies_of(lab_near(None)), incomplete)
 
 
-def _profiles(incomplete: str) -> list[str]:
-    """Names for the Tab key: the shipped vehicles."""
-    from formation.vehicle.profile import PROFILES
-
-    return starting(PROFILES, incomplete)
-
-
 @dataclass(frozen=True, slots=True)
 class Options:
     """The options of the command line; None where the file, or the default, says it."""
 
-    sysid: Annotated[int | None, typer.Option(help="MAVLink system, 1..250; 1 if not given.")] = None
-    link: Annotated[
-        str | None, typer.Option(help="zenoh (if not given), or udp: from port 14580 + sysid to 14540 + sysid.")
-    ] = None
     config: Annotated[
         list[Path] | None,
         typer.Option(help="TOML file; other options win over it. Given again: one more drone in this process."),
     ] = None
+    sysid: Annotated[int | None, typer.Option(help="MAVLink system, 1..250; 1 if not given.")] = None
     lab: Annotated[
         str | None,
         typer.Option(
@@ -73,39 +63,16 @@ class Options:
         ),
     ] = None
     body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.", autocompletion=_bodies)] = None
-    autopilot: Annotated[
-        str | None, typer.Option("--autopilot", "--personality", help="px4 (if not given) or ardupilot.")
-    ] = None
     bridge: Annotated[
         str | None, typer.Option(help="Bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD.")
     ] = None
-    pose: Annotated[
-        str | None, typer.Option(help="own (simulated positioning, if not given) or mocap (external only).")
+    link: Annotated[
+        str | None, typer.Option(help="zenoh (if not given), or udp: from port 14580 + sysid to 14540 + sysid.")
     ] = None
-    profile: Annotated[
-        str | None,
-        typer.Option(
-            help="Vehicle: paper_40g (if not given) or another shipped profile; a wrong one is answered by all.",
-            autocompletion=_profiles,
-        ),
-    ] = None
-    start: Annotated[str | None, typer.Option(help="Where it stands: x,y,z in lab metres.")] = None
-    yaw: Annotated[float | None, typer.Option(help="Where it faces, rad about lab z.")] = None
-    truth: Annotated[
-        float | None,
-        typer.Option(help="Publish the true pose this often, Hz, for `gcs-sim mocap`; never if not given."),
-    ] = None
-    host: Annotated[str | None, typer.Option(help="The ground's host (udp).")] = None
-    zenoh_connect: Annotated[str | None, typer.Option(help="Endpoint of the bus, tcp/HOST:PORT.")] = None
     keys: Annotated[Path | None, typer.Option(help="Folder of the keys that `gcs keys install` wrote.")] = None
     insecure: Annotated[
         bool | None, typer.Option("--insecure", help="Simulation only: open links to other machines without any keys.")
     ] = None
-    stale_setpoint: Annotated[
-        float | None, typer.Option(help="Level after this silence, s; 0.1 if not given, 0: never.")
-    ] = None
-    stale_land: Annotated[float | None, typer.Option(help="Land this long after levelling, s.")] = None
-    param: Annotated[list[str] | None, typer.Option(help="NAME=VALUE, as often as needed.")] = None
     speed: Annotated[float, typer.Option(min=0.01, max=1.0, hidden=True)] = 1.0
     stages: Annotated[bool, typer.Option("--stages", help="Print the table of stages, and do nothing else.")] = False
     as_json: Annotated[bool, typer.Option("--json", help="Events and errors as lines of JSON, on standard output.")] = (
@@ -170,12 +137,13 @@ def _config(options: Options, file: Path | None) -> "GuardConfig":
     if options.lab is not None and options.lab.endswith(".toml"):
         values |= _of_lab(Path(options.lab), options.body or values.get("body"))
         options = replace(options, lab=None)
-    for key, value in _laid_over(options).items():
-        if isinstance(value, dict):
-            table = values.get(key, {})
-            values |= {key: table | value} if value and isinstance(table, dict) else {}
-        elif value is not None:
-            values[key] = value
+        if options.bridge is None and "bridge" not in values:
+            values.setdefault("pose", "mocap")  # in a lab it knows its position from the cameras alone
+    options_by_key = {key: getattr(options, key) for key in ("sysid", "lab", "body", "bridge", "keys", "insecure")}
+    values |= {key: value for key, value in options_by_key.items() if value is not None}
+    table = values.get("link", {})
+    if options.link is not None and isinstance(table, dict):
+        values["link"] = table | {"kind": options.link}
     kind: type[GuardConfig]
     if "bridge" in values:
         from drone_agent.bridge import BridgeConfig as kind
@@ -225,48 +193,34 @@ def _check_together(agents: "list[SimulatedDroneConfig]") -> None:
             raise ConfigError([f"drone-agent: {text}"])
 
 
-def _laid_over(options: Options) -> dict[str, Any]:
-    links = {
-        "kind": options.link,
-        "host": options.host,
-        "zenoh_connect": None if options.zenoh_connect is None else [options.zenoh_connect],
-    }
-    return {
-        "sysid": options.sysid,
-        "lab": options.lab,
-        "body": options.body,
-        "autopilot": options.autopilot,
-        "bridge": options.bridge,
-        "pose": options.pose,
-        "profile": options.profile,
-        "start_lab_m": None if options.start is None else [_number(word) for word in options.start.split(",")],
-        "start_yaw_rad": options.yaw,
-        "truth_rate_hz": options.truth,
-        "keys": options.keys,
-        "insecure": options.insecure,
-        "stale_setpoint_s": options.stale_setpoint,
-        "stale_land_s": options.stale_land,
-        "link": {key: value for key, value in links.items() if value is not None},
-        "parameters": {name: _number(word) for name, _, word in (item.partition("=") for item in options.param or ())},
-    }
-
-
-def _number(word: str) -> float | str:
-    """The number that a word is; the word itself where it is none, which the configuration then rejects."""
-    try:
-        return float(word)
-    except ValueError:
-        return word
-
-
 def _fail(text: str, code: int) -> None:
     print_json_error(text)
     sys.stderr.write(f"{text}\n")
     raise typer.Exit(code)
 
 
+_NOW_KEYS = {
+    "--autopilot": "autopilot",
+    "--host": "link.host",
+    "--param": "parameters",
+    "--personality": "autopilot",
+    "--pose": "pose",
+    "--profile": "profile",
+    "--stale-land": "stale_land_s",
+    "--stale-setpoint": "stale_setpoint_s",
+    "--start": "start_lab_m",
+    "--truth": "truth_rate_hz",
+    "--yaw": "start_yaw_rad",
+    "--zenoh-connect": "link.zenoh_connect",
+}
+"""Options of version 0.1, and the keys that say it now."""
+
+
 def main() -> None:
     """The console script."""
+    for word in sys.argv[1:]:
+        if (option := word.partition("=")[0]) in _NOW_KEYS:
+            sys.exit(f"drone-agent: {option} is now the key {_NOW_KEYS[option]} of the file that --config names")
     app()
 
 

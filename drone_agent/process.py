@@ -66,9 +66,7 @@ async def open_ground_link(
 
 def awaited_bus(config: GuardConfig, bus: ZenohBus) -> Precondition:
     """The lab's ground, mocap or router."""
-    remedy = (
-        "nobody is there: start the ground (`gcs run lab.toml`), or say where it is with --zenoh-connect tcp/HOST:7447"
-    )
+    remedy = "nobody is there: start the ground (`gcs run lab.toml`), or say where it is by the key link.zenoh_connect"
     return bus_at(config.link.zenoh_connect, lambda: bus.is_joined, remedy)
 
 

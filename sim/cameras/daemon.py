@@ -24,7 +24,7 @@ from wire.security.protection import lab_protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
-_DRONE = "`drone-agent --sysid 1 --pose mocap --body leader --truth 250`"
+_DRONE = "`drone-agent --config FILE` with pose = 'mocap' and truth_rate_hz = 250"
 
 
 async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> None:

@@ -28,14 +28,13 @@ class Agent:
 
 
 @contextlib.contextmanager
-def agent(folder: Path, *options: str, sysid: int = 1) -> Iterator[Agent]:
-    """An agent that ends with the block, cleanly."""
+def agent(folder: Path, keys: str = "", sysid: int = 1) -> Iterator[Agent]:
+    """An agent by UDP with these keys in its file, that ends with the block, cleanly."""
     ground_port, drone_port = free_port(), free_port()
     config = folder / f"uav{sysid}.toml"
-    config.write_text(
-        f"[link]\nkind = 'udp'\nground_port_base = {ground_port - sysid}\ndrone_port_base = {drone_port - sysid}\n"
-    )
-    command = [sys.executable, "-m", "drone_agent", "--sysid", str(sysid), "--config", str(config), *options]
+    ports = f"ground_port_base = {ground_port - sysid}\ndrone_port_base = {drone_port - sysid}"
+    config.write_text(f"{keys}\n[link]\nkind = 'udp'\n{ports}\n")
+    command = [sys.executable, "-m", "drone_agent", "--sysid", str(sysid), "--config", str(config)]
     with (folder / f"uav{sysid}.log").open("wb") as log:
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
         try:

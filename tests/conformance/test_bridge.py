@@ -96,9 +96,11 @@ class Ground:
 @contextlib.contextmanager
 def bridge(folder: Path, autopilot_port: int, bus_port: int) -> Iterator[None]:
     """The bridge's process, ended cleanly."""
+    config = folder / "bridge.toml"
+    config.write_text(f"[link]\nzenoh_connect = ['tcp/127.0.0.1:{bus_port}']\n")
     command = [
-        sys.executable, "-m", "drone_agent", "--sysid", "5", "--link", "zenoh",
-        "--bridge", f"udp:127.0.0.1:{autopilot_port}", "--zenoh-connect", f"tcp/127.0.0.1:{bus_port}",
+        sys.executable, "-m", "drone_agent", "--config", str(config), "--sysid", "5", "--link", "zenoh",
+        "--bridge", f"udp:127.0.0.1:{autopilot_port}",
     ]  # fmt: skip
     with (folder / "bridge.log").open("wb") as log:
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)
@@ -143,9 +145,9 @@ def test_an_autopilot_is_armed_watched_and_landed_through_the_bridge(tmp_path: P
             await us.first(lambda m: isinstance(m, Heartbeat) and not m.armed)
 
     bus_port = free_port()
-    options = ("--link", "udp", "--pose", "mocap", "--stale-setpoint", "0", "--zenoh-connect", "tcp/127.0.0.1:9")
+    keys = "pose = 'mocap'\nstale_setpoint_s = 0\nparameters = { COM_OF_LOSS_T = 5 }"
     with (
-        agent(tmp_path, *options, "--param", "COM_OF_LOSS_T=5", sysid=5) as autopilot,
+        agent(tmp_path, keys, sysid=5) as autopilot,
         bridge(tmp_path, autopilot.drone_port, bus_port),
     ):
         asyncio.run(flight(bus_port))

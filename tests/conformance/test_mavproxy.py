@@ -88,8 +88,8 @@ def mavproxy(running: Agent, folder: Path) -> Iterator[Console]:
 
 
 def test_ardupilot_from_the_prompt(tmp_path: Path) -> None:
-    options = ("--link", "udp", "--profile", "px4_quad", "--autopilot", "ardupilot")
-    with agent(tmp_path, *options) as running, mavproxy(running, tmp_path) as console:
+    keys = "profile = 'px4_quad'\nautopilot = 'ardupilot'"
+    with agent(tmp_path, keys) as running, mavproxy(running, tmp_path) as console:
         console.expect("Detected vehicle 1:1")
         console.expect("Received")
         console.repeat_until("param show GUID_TIMEOUT", "GUID_TIMEOUT     3.0")

@@ -30,8 +30,8 @@ pytestmark = pytest.mark.processes
 
 @pytest.fixture
 def drone(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Client]:
-    options = getattr(request, "param", ("--profile", "px4_quad"))
-    with agent(tmp_path, "--link", "udp", *options) as running, client(running) as connected:
+    keys = getattr(request, "param", "profile = 'px4_quad'")
+    with agent(tmp_path, keys) as running, client(running) as connected:
         yield connected
 
 
@@ -161,7 +161,7 @@ def test_tells_who_it_is_its_health_and_parameters_and_telemetry_at_the_rate_ask
         assert found_hz == pytest.approx(rate_hz, rel=0.2)  # a stall of a second is not made up for
 
 
-@pytest.mark.parametrize("drone", [("--pose", "mocap")], indirect=True)
+@pytest.mark.parametrize("drone", ["pose = 'mocap'"], indirect=True)
 def test_flies_on_a_mocap_pose_and_not_without(drone: Client) -> None:
     assert not drone.first("health").is_armable
     with drone.stream("status_text") as texts:

@@ -52,8 +52,7 @@ class Script:
 
 @pytest.fixture
 def script(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Script]:
-    options = ("--link", "udp", "--profile", "px4_quad", "--autopilot", request.param)
-    with agent(tmp_path, *options, sysid=3) as running:
+    with agent(tmp_path, f"profile = 'px4_quad'\nautopilot = '{request.param}'", sysid=3) as running:
         opened = Script(running)
         yield opened
         opened.link.close()

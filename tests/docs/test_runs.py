@@ -116,7 +116,7 @@ def terminals(folder: Path) -> Iterator[Callable[[str], None]]:
         if kind is None:
             ran(command.replace("make fly", "gcs-sim fly"), folder, CODES.get(command, 0))
             return
-        kind = " ".join(command.split()[:3]) if kind == "drone-agent" else kind
+        kind = command if kind == "drone-agent" else kind
         if kind in running:
             end(kind)
         output = folder / f"{kind}.log"

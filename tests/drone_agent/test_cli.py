@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from drone_agent.__main__ import Options, _config, app
+from drone_agent.__main__ import Options, _config, app, main
+from drone_agent.config import SimulatedDroneConfig
 from formation.vehicle.profile import profile
 from tests.free_ports import free_port
 
@@ -24,48 +25,46 @@ def ordinary_priority(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("code", "options", "keys", "words"),
     [
-        (["--sysid", "300"], "sysid: "),
-        (["--link", "tcp"], "link.kind: "),
-        (["--start", "1,2"], "start_lab_m[2]: is missing"),
-        (["--autopilot", "betaflight"], "autopilot: "),
-        (["--truth", "-1"], "truth_rate_hz: "),
-        (["--profile", "nope"], "known: paper_40g, paper_40g_printed, px4_quad"),
-        (["--param", "NO_SUCH=1"], "parameters: 'NO_SUCH' is unknown"),
-        (["--param", "COM_OF_LOSS_T=soon"], "parameters.COM_OF_LOSS_T: "),
-        (["--bridge", "tcp:there:1"], "is not udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD"),
-        (["--bridge", "udp:127.0.0.1:99999"], "bridge: 'udp:127.0.0.1:99999' is not"),
-        (["--bridge", "serial:/dev/ttyUSB0"], "is not serial:DEV:BAUD"),
-        (["--zenoh-connect", "there"], "link.zenoh_connect[0]: not an endpoint such as tcp/127.0.0.1:7447"),
-        (["--config", "/nowhere/uav.toml"], "/nowhere/uav.toml: No such file"),
+        (2, ["--sysid", "300"], "", "sysid: "),
+        (2, ["--link", "tcp"], "", "link.kind: "),
+        (2, [], "speed_kmh = 3", "FILE:1 speed_kmh: is not a known key"),
+        (2, [], "start_lab_m = [1, 2]", "start_lab_m[2]: is missing"),
+        (2, [], "autopilot = 'betaflight'", "FILE:1 autopilot: "),
+        (2, [], "truth_rate_hz = -1", "FILE:1 truth_rate_hz: "),
+        (2, [], "profile = 'nope'", "known: paper_40g, paper_40g_printed, px4_quad"),
+        (2, [], "parameters = { NO_SUCH = 1 }", "parameters: 'NO_SUCH' is unknown"),
+        (2, [], "parameters = { COM_OF_LOSS_T = 'soon' }", "parameters.COM_OF_LOSS_T: "),
+        (2, ["--bridge", "tcp:there:1"], "", "is not udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD"),
+        (2, ["--bridge", "udp:127.0.0.1:99999"], "", "bridge: 'udp:127.0.0.1:99999' is not"),
+        (2, ["--bridge", "serial:/dev/ttyUSB0"], "", "is not serial:DEV:BAUD"),
+        (
+            2,
+            [],
+            "link = { zenoh_connect = ['there'] }",
+            "link.zenoh_connect[0]: not an endpoint such as ",
+        ),
+        (2, ["--config", "/nowhere/uav.toml"], "", "/nowhere/uav.toml: No such file"),
+        (1, ["--bridge", "serial:/dev/no-such-line:57600"], "", "bridge serial:/dev/no-such-line:57600: "),
+        (1, ["--link", "udp"], "link = { host = 'no-host.invalid' }", "link to no-host.invalid, own port 14581: "),
     ],
 )
-def test_what_is_not_right_is_named_in_one_line(options: list[str], words: str) -> None:
-    result = runner.invoke(app, options)
-    assert result.exit_code == 2
-    assert words in result.output
+def test_what_is_not_right_or_cannot_be_had_is_named_in_one_line(
+    code: int, options: list[str], keys: str, words: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "uav.toml"
+    file.write_text(keys)
+    result = runner.invoke(app, [*options, *(["--config", str(file)] if keys else [])])
+    assert result.exit_code == code
+    assert words.replace("FILE", str(file)) in result.output
     assert len([line for line in result.output.splitlines() if "priority: " not in line]) == 1
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--bridge", "serial:/dev/no-such-line:57600"], "bridge serial:/dev/no-such-line:57600: "),
-        (["--link", "udp", "--host", "no-host.invalid"], "link to no-host.invalid, own port 14581: "),
-    ],
-)
-def test_what_cannot_be_had_is_named(options: list[str], words: str) -> None:
-    result = runner.invoke(app, options)
-    assert result.exit_code == 1
-    assert words in result.output
-
-
-def test_a_key_of_the_file_is_named(tmp_path: Path) -> None:
-    config = tmp_path / "uav.toml"
-    config.write_text("speed_kmh = 3\n")
-    result = runner.invoke(app, ["--config", str(config)])
-    assert (result.exit_code, result.output) == (2, f"{config}:1 speed_kmh: is not a known key\n")
+def test_an_option_of_before_names_its_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["drone-agent", "--truth=250"])
+    with pytest.raises(SystemExit, match="--truth is now the key truth_rate_hz of the file"):
+        main()
 
 
 @pytest.mark.parametrize(
@@ -89,9 +88,12 @@ def test_what_one_process_cannot_be_together_is_named(
 
 
 @pytest.mark.processes
-def test_a_bridge_says_what_it_waits_for_and_what_to_do() -> None:
+def test_a_bridge_says_what_it_waits_for_and_what_to_do(tmp_path: Path) -> None:
     bus = f"tcp/127.0.0.1:{free_port()}"
-    options = ["--sysid", "2", "--body", "left", "--bridge", f"udp:127.0.0.1:{free_port()}", "--zenoh-connect", bus]
+    config = tmp_path / "bridge.toml"
+    config.write_text(f"[link]\nzenoh_connect = ['{bus}']\n")
+    bridge = f"udp:127.0.0.1:{free_port()}"
+    options = ["--config", str(config), "--sysid", "2", "--body", "left", "--bridge", bridge]
     with subprocess.Popen(
         [sys.executable, "-m", "drone_agent", *options], stderr=subprocess.PIPE, text=True
     ) as process:
@@ -99,7 +101,7 @@ def test_a_bridge_says_what_it_waits_for_and_what_to_do() -> None:
         told = list(islice((line for line in process.stderr if "waiting for" in line), 3))
         process.terminate()
     assert f"waiting for the bus at {bus}: nobody is there: start the ground" in told[0]
-    assert "--zenoh-connect tcp/HOST:7447" in told[0]
+    assert "link.zenoh_connect" in told[0]
     assert "waiting for the autopilot at udp:127.0.0.1" in told[1]
     assert "waiting for the mocap's pose of 'left'" in told[2]
 
@@ -138,6 +140,9 @@ def test_a_lab_file_says_what_its_drone_is(tmp_path: Path) -> None:
     assert config.link.zenoh_connect == ("tls/192.168.1.20:7447",)
     assert config.keys == tmp_path / "our-keys"
     assert _config(replace(options, sysid=8), None).sysid == 8
+    simulated = _config(replace(options, bridge=None), None)
+    assert isinstance(simulated, SimulatedDroneConfig)
+    assert simulated.pose == "mocap"
 
 
 @pytest.mark.parametrize(

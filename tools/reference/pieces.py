@@ -425,12 +425,8 @@ def guard_times(_: str = "") -> str:
     return table(
         ("time", "value, s", "where it is set"),
         (
-            (
-                "Setpoint silence before `HOLD`",
-                f"{defaults.stale_setpoint_s:g}",
-                "`stale_setpoint_s`, `--stale-setpoint`",
-            ),
-            ("`HOLD` before `LAND`, on an external pose", f"{LAND_AFTER_S:g}", "`stale_land_s`, `--stale-land`"),
+            ("Setpoint silence before `HOLD`", f"{defaults.stale_setpoint_s:g}", "`stale_setpoint_s`"),
+            ("`HOLD` before `LAND`, on an external pose", f"{LAND_AFTER_S:g}", "`stale_land_s`"),
             ("Rest after a stop before arming is possible", f"{REST_NS * 1e-9:g}", "fixed"),
         ),
     )

@@ -83,9 +83,13 @@ def _one_drone(lab: str, port: int, **leader: str) -> tuple[LabConfig, LinkConfi
     return config.model_copy(update={"followers": ()}), hub
 
 
-def _agent(folder: Path, lab: str, port: int, name: str, *options: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "drone_agent", "--sysid", "2", "--lab", lab, "--zenoh-connect",
-               f"tcp/127.0.0.1:{port}", *options]  # fmt: skip
+def _agent(folder: Path, lab: str, port: int, name: str) -> subprocess.Popen[bytes]:
+    config = folder / "drone.toml"
+    config.write_text(f"""\
+parameters = {{ MPC_THR_HOVER = 0.3 }}
+link = {{ zenoh_connect = ["tcp/127.0.0.1:{port}"] }}
+""")
+    command = [sys.executable, "-m", "drone_agent", "--config", str(config), "--sysid", "2", "--lab", lab]
     with (folder / name).open("wb") as log:
         return subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
 
@@ -115,7 +119,7 @@ async def _round(
 def test_every_fault_of_a_lab_is_named(tmp_path):
     lab, port = f"doctor-{os.getpid()}", free_port()
     config, hub = _one_drone(lab, port)
-    twins = [_agent(tmp_path, lab, port, f"{i}.txt", "--param", "MPC_THR_HOVER=0.3") for i in range(2)]
+    twins = [_agent(tmp_path, lab, port, f"{i}.txt") for i in range(2)]
     events: list[Event] = []
     try:
         findings, fixed = asyncio.run(_round(config, hub, events, twins[1]))

@@ -48,8 +48,8 @@ def run(*words: str) -> "subprocess.CompletedProcess[str]":
         ("gcs", "page", "LAB"),
         ("gcs", "mocap", "FAR"),
         ("gcs", "live", "FAR", "--save", "x.rrd"),
-        ("drone_agent", "--zenoh-connect", "tcp/192.0.2.77:7447"),
-        ("drone_agent", "--link", "udp", "--host", "192.0.2.77"),
+        ("drone_agent", "--config", "DRONE"),
+        ("drone_agent", "--config", "DRONE", "--link", "udp"),
         ("drone_agent", "--bridge", "udpin:0.0.0.0:14777"),
     ],
 )
@@ -57,7 +57,10 @@ def test_no_program_opens_a_link_of_another_machine(words: tuple[str, ...], tmp_
     lab = exposed_lab(tmp_path, free_port())
     far = tmp_path / "far.toml"
     far.write_text(lab.read_text().replace("0.0.0.0", "192.0.2.77").replace('"mavlink"', '"zenoh"'))
-    done = run(*({"LAB": str(lab), "FAR": str(far)}.get(word, word) for word in words))
+    drone = tmp_path / "drone.toml"
+    drone.write_text('link = { host = "192.0.2.77", zenoh_connect = ["tcp/192.0.2.77:7447"] }')
+    files = {"LAB": str(lab), "FAR": str(far), "DRONE": str(drone)}
+    done = run(*(files.get(word, word) for word in words))
     assert done.returncode in (1, 2)
     assert LINE in done.stderr
     assert "Traceback" not in done.stderr

@@ -4,7 +4,7 @@ In the pictures the first is dark, the second coloured; times count from each on
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -157,15 +157,15 @@ def to_json(a: Side, b: Side) -> str:
     return json.dumps(values, indent=2, allow_nan=False)
 
 
-def html(a: Side, b: Side) -> str:
-    """The page."""
+def html(a: Side, b: Side, heading: str = "", further: Sequence[Section] = ()) -> str:
+    """The page; heading: of another question than how the two compare, whose answers are `further`."""
     with style.styled():
         both = flown(a.name, a.flight, True), flown(b.name, b.flight, False)
         error, leader, paths = (draw(*both) for draw in (draw_errors, draw_leader_errors, draw_paths))
     return render(
-        title=f"{a.name} and {b.name} · compared",
+        title=heading or f"{a.name} and {b.name} · compared",
         kind="Two flights compared",
-        heading=f"{a.name} and {b.name}",
+        heading=heading or f"{a.name} and {b.name}",
         facts="In the pictures the first is dark, the second coloured; times count from each flight’s own entry into "
         "formation.",
         sections=(
@@ -173,7 +173,8 @@ def html(a: Side, b: Side) -> str:
             Section("error", "Formation error", "Root mean square over the followers at each moment.", (error,)),
             Section("leader", "Leader tracking error", drawings=(leader,)),
             Section("paths", "Paths", "From above, in formation.", (paths,)),
-            setup_section(a, b),
+            *further,
+            _setup_section(a, b),
         ),
     )
 
@@ -206,7 +207,7 @@ def _change(change: float | None) -> str:
     return "–" if change is None else SAME if change == 0 else f"{change:+.3g}"
 
 
-def setup_section(a: Side, b: Side) -> Section:
+def _setup_section(a: Side, b: Side) -> Section:
     """What is not the same in the two configurations."""
     rows = [(key, str(x), str(y)) for key, (x, y) in configuration(a, b).items()]
     lead = "What is not the same in lab, gains and profiles." if rows else "Both were flown with the same."

@@ -13,7 +13,6 @@ from wire.logs.mcap_scan import LogError
 from wire.logs.scene import rerun_blueprint
 
 USUAL = ("leader", "right", "left")
-APPLICATION = "mavlink-formation"
 FOXGLOVE, RERUN = ".json", ".rbl"
 
 
@@ -36,14 +35,15 @@ def _bodies(lab: LabConfig) -> tuple[str, ...]:
 def write(path: Path, source: Path | None) -> None:
     """A Foxglove layout (.json) or a Rerun blueprint (.rbl, needs rerun-sdk). OSError; LogError for other names.
 
-    source: as for `bodies_of`. Rerun applies a blueprint to recordings of its own name: a log's is its file's, others
-    are what `gcs live` streams.
+    source: as for `bodies_of`; of a blueprint a log, since Rerun applies it to the recording of that file's name.
     """
     bodies = bodies_of(source)
     if path.suffix == FOXGLOVE:
         path.write_text(json.dumps(foxglove(bodies), indent=2), encoding="utf-8")
+    elif path.suffix == RERUN and source is not None and source.suffix == ".mcap":
+        _write_rerun(path, bodies, source.stem)
     elif path.suffix == RERUN:
-        _write_rerun(path, bodies, source.stem if source is not None and source.suffix == ".mcap" else APPLICATION)
+        raise LogError(f"{path}: a blueprint for Rerun is of a log: gcs-log layout FLIGHT.MCAP --out {path}")
     else:
         raise LogError(f"{path}: ends in neither {FOXGLOVE} (Foxglove) nor {RERUN} (Rerun)")
 

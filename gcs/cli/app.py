@@ -26,7 +26,7 @@ from gcs.cli.children import page_process
 from gcs.doctor import cli as doctor_cli
 from wire import clock
 from wire.errors import ConfigError
-from wire.files import IN_LOCKSTEP, new_file, new_folder, run_folder, write_edited
+from wire.files import IN_LOCKSTEP, new_folder, run_folder, write_edited
 from wire.process.output import dropping_output
 from wire.process.program import (
     DefaultCommand,
@@ -298,46 +298,37 @@ FORWARD = "ssh -L {port}:127.0.0.1:{port} USER@THIS-MACHINE from there, or, for 
 def live(
     lab: LabFile,
     name: Name = GCS_NAME,
-    foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve Foxglove, by a WebSocket.")] = False,
-    rerun: Annotated[bool, typer.Option("--rerun", help="Open Rerun's viewer.")] = False,
+    _foxglove: Annotated[bool, typer.Option("--foxglove", hidden=True)] = True,  # of 0.2, where there were two
     host: Annotated[str, typer.Option(help="Where Foxglove is served.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="And on which port.")] = 8765,
-    save: Annotated[Path | None, typer.Option("--save", metavar="FILE.rrd", help="Rerun into a file instead.")] = None,
-    overwrite: Overwrite = False,
     as_json: Json = False,
     insecure: Insecure = False,
 ) -> None:
-    """Stream the flight to Foxglove or Rerun while it is flown: the log's own channels, from the bus, until Ctrl-C.
+    """Stream the flight to Foxglove while it is flown: the log's own channels, from the bus, until Ctrl-C.
 
-    A process of its own: the ground shares its log while somebody listens, and waits for nobody.
+    A process of its own: the ground shares its log while somebody listens, and waits for nobody. Rerun opens the log.
     """
     import asyncio  # here, as below: what an operator's command loads waits for none of it
 
-    from gcs.live import Foxglove, Rerun, Viewer, ViewerError, run
+    from gcs.live import Foxglove, ViewerError, run
     from wire.security.protection import lab_protection
 
-    if not (foxglove or rerun or save):
-        raise typer.BadParameter("say where to: --foxglove or --rerun")
-    if foxglove and not (insecure or is_loopback(host)):
+    if not (insecure or is_loopback(host)):
         fail(f"--host {host} is not this machine, and a viewer has no password: {FORWARD.format(port=port)}", NOT_RIGHT)
     config = configuration(lab)
-    joined, viewers = config.link.joined, list[Viewer]()
+    joined = config.link.joined
     try:
         protection = lab_protection(config.security, lab, TOOL, insecure=insecure)
-        protection.bus.demand((*joined.zenoh_listen, *joined.zenoh_connect))  # before a viewer is opened
-        if foxglove:
-            viewers.append(Foxglove(host, port))
-            typer.echo(f"Foxglove: open connection ws://{host}:{viewers[-1].port}", err=True)  # type: ignore[attr-defined]
-        with nullcontext() if save is None else new_file(save, overwrite) as to:
-            if rerun or to:
-                viewers.append(Rerun(None if to is None else str(to), [vehicle.body for vehicle in config.vehicles]))
+        protection.bus.demand((*joined.zenoh_listen, *joined.zenoh_connect))  # before a viewer is served
+        viewer = Foxglove(host, port)
     except (ViewerError, ConfigError) as error:
         fail(str(error), NOT_RIGHT)
     except OSError as error:
         fail(str(error), REJECTED)
+    typer.echo(f"Foxglove: open connection ws://{host}:{viewer.port}", err=True)
     try:
         count = asyncio.run(
-            run(config.link, config.name, name, viewers, lambda text: typer.echo(text, err=True), protection)
+            run(config.link, config.name, name, viewer, lambda text: typer.echo(text, err=True), protection)
         )
     except OSError as error:
         fail(str(error), REJECTED)

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from analysis import compare, page
-from analysis.page import Section, render
+from analysis.page import Section
 from analysis.plots import style
 from analysis.plots.style import Drawing
 from analysis.quantity import FLIGHT, Quantity
@@ -62,36 +62,20 @@ def lines(of: WhatIf) -> Iterator[str]:
 
 
 def html(of: WhatIf) -> str:
-    """The page."""
+    """The page: the flight flown again beside the other, as any two are compared, and how far to trust the other."""
     with style.styled():
-        flown = [compare.flown(side.name, side.flight, k == 0) for k, side in enumerate(of.sides)]
-        back = compare.draw_errors(flown[0], flown[1])
-        error, paths = compare.draw_errors(flown[0], flown[2]), compare.draw_paths(flown[0], flown[2])
-        spectra = [_draw_known(of, trust) for trust in of.trust]
+        recorded, again = (compare.flown(side.name, side.flight, k == 0) for k, side in enumerate(of.sides[:2]))
+        back, spectra = compare.draw_errors(recorded, again), [_draw_known(of, trust) for trust in of.trust]
     back_text, *others = lines(of)
+    figures = page.table(("", *(f"#{side.name}" for side in of.sides)), _rows(of))
     known = page.table(("",), [(line,) for line in others])
-    name, other = of.name, of.other.name
-    return render(
-        title=f"{name}: {other} · what if",
-        kind="What if",
-        heading=f"{name}, flown again: {other}",
-        facts="In the pictures the recorded flight is dark, the other coloured; times count from the entry into "
-        "formation.",
-        sections=(
-            Section("numbers", "Numbers", parts=(_table(of),)),
-            Section("error", "Formation error", "Root mean square over the followers at each moment.", (error,)),
-            Section("paths", "Paths", "From above, in formation.", (paths,)),
-            Section("trust", "How far to trust it", back_text, (back,), parts=(known, _commands(of))),
-            Section(
-                "disturbance",
-                "Disturbance",
-                "What acted on each follower beside its model, by frequency. Up to the line it is known: what is found "
-                "above is mostly the cameras' noise.",
-                spectra,
-            ),
-            compare.setup_section(of.again, of.other),
-        ),
+    trusted = Section("trust", "How far to trust it", back_text, (back,), parts=(figures, known, _commands(of)))
+    lead = (
+        "What acted on each follower beside its model, by frequency. Up to the line it is known: what is found above "
+        "is mostly the cameras' noise."
     )
+    further = (trusted, Section("disturbance", "Disturbance", lead, spectra))
+    return compare.html(of.again, of.other, f"{of.name}, flown again: {of.other.name}", further)
 
 
 def _rows(of: WhatIf) -> Iterator[tuple[str, ...]]:
@@ -103,10 +87,6 @@ def _rows(of: WhatIf) -> Iterator[tuple[str, ...]]:
                 for side, each in zip(of.sides, of.figures, strict=True)
             ),
         )
-
-
-def _table(of: WhatIf) -> page.Table | None:
-    return page.table(("", *(f"#{side.name}" for side in of.sides)), _rows(of))
 
 
 def _commands(of: WhatIf) -> page.Table | None:

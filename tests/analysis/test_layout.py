@@ -59,10 +59,14 @@ def test_every_path_of_the_foxglove_layout_is_in_the_log(log: Path, tmp_path: Pa
     assert json.loads(out.read_text()) == layout
 
 
-def test_another_kind_of_file_is_refused(log: Path, tmp_path: Path) -> None:
-    refused = CliRunner().invoke(app, ["layout", str(log), "--out", str(tmp_path / "layout.xml")])
-    assert refused.exit_code == 2
-    assert ".json (Foxglove) nor .rbl (Rerun)" in refused.stderr
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [(["FLIGHT", "--out", "layout.xml"], ".json (Foxglove) nor .rbl (Rerun)"), (["--out", "x.rbl"], "is of a log")],
+)
+def test_another_kind_of_file_is_refused(log: Path, tmp_path: Path, words: list[str], why: str) -> None:
+    given = [str(log) if word == "FLIGHT" else word for word in words[:-1]]
+    refused = CliRunner().invoke(app, ["layout", *given, str(tmp_path / words[-1])])
+    assert (refused.exit_code, why in refused.stderr) == (2, True)
 
 
 PUBLISHED = {

@@ -78,7 +78,7 @@ def run_page(page: Path, folder: Path) -> None:
             (folder / "lab.toml").write_text(labs.text)
             (folder / "scenario.toml").write_text(labs.scenario or "")
         for command in runs(block):
-            for word in shlex.split(command):
+            for word in shlex.split(re.sub(r"--(write|out) \S+", "", command)):  # all but what it writes
                 if word.endswith(".toml") and not (folder / word).exists():
                     (folder / word).write_text(labs.text)
             ran(command, folder)

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 from formation import topics
 from formation.messages import Event, Severity, Tick
-from gcs.live import Live, _open_viewer, file_of
+from gcs.live import Live
 from wire.logs.live import HEAD_EVERY, ChannelDescription, LiveLog, keys, sharer
 from wire.logs.mcap_write import LogWriter
 
@@ -59,9 +59,9 @@ def record(path: Path, bus: FakeBus, monkeypatch: pytest.MonkeyPatch) -> None:
                 log.write(topics.EVENT, Event(Severity.INFO, "gcs", f"event {k}"), k)
 
 
-def in_file(source: Path | BytesIO) -> list[tuple[str, int, bytes]]:
-    file = source if isinstance(source, BytesIO) else BytesIO(source.read_bytes())
-    return [(channel.topic, m.log_time, m.data) for _, channel, m in make_reader(file).iter_messages()]
+def in_file(path: Path) -> list[tuple[str, int, bytes]]:
+    messages = make_reader(BytesIO(path.read_bytes())).iter_messages()
+    return [(channel.topic, m.log_time, m.data) for _, channel, m in messages]
 
 
 def test_a_viewer_is_shown_the_very_messages_of_the_log_from_the_next_head_on(tmp_path, monkeypatch) -> None:
@@ -69,7 +69,7 @@ def test_a_viewer_is_shown_the_very_messages_of_the_log_from_the_next_head_on(tm
     record(tmp_path / "flight.mcap", bus, monkeypatch)
     seen, log = Seen(), in_file(tmp_path / "flight.mcap")
     for viewer, sent in ((seen, bus.sent), (late, bus.sent[10:])):
-        live = Live([viewer], lambda _text: None)
+        live = Live(viewer, lambda _text: None)
         for key, payload in sent:
             (live.receive_head if key == HEAD else live.receive_chunk)(payload)
     assert sorted(seen.shown) == sorted(log)
@@ -110,27 +110,3 @@ def test_a_small_chunk_that_unpacks_to_a_large_one_is_rejected(said: bool, tmp_p
         tracemalloc.stop()
         assert peak < 1 << 25
     assert log.rejected == 1 + 3
-
-
-def test_rerun_serves_this_machine_alone(monkeypatch) -> None:
-    started: list[str] = []
-
-    class Viewer:
-        returncode = 1
-
-        def __init__(self, command, **_) -> None:
-            started.extend(command)
-
-        def poll(self) -> int:
-            return 1
-
-    monkeypatch.setattr("subprocess.Popen", Viewer)
-    with pytest.raises(OSError, match="ended with exit code 1"):
-        _open_viewer()
-    assert started[started.index("--bind") + 1] == "127.0.0.1"
-
-
-def test_rerun_is_given_whole_files(tmp_path) -> None:
-    channels = {3: ChannelDescription("/a", "x.A", b""), 7: ChannelDescription("/b", "x.A", b"")}
-    file = BytesIO(file_of(channels, [(7, 5, b"five"), (3, 6, b"six")]))
-    assert in_file(file) == [("/b", 5, b"five"), ("/a", 6, b"six")]

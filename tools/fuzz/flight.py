@@ -238,7 +238,7 @@ class LiveLog:
     def __init__(self, draw: Draw, counts: Counter[str]) -> None:
         self._draw, self._counts = draw, counts
         viewer: Any = SimpleNamespace(begin=ignore, show=ignore, close=ignore)
-        self._live, self._pieces = Live([viewer], ignore), list[tuple[bytes, bytes]]()
+        self._live, self._pieces = Live(viewer, ignore), list[tuple[bytes, bytes]]()
 
         def share(head: bytes, chunk: bytes) -> None:
             self._pieces.append((head, chunk))

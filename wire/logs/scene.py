@@ -169,16 +169,3 @@ def rerun_blueprint(bodies: Sequence[str]) -> Any:
             column_shares=[3, 2],
         )
     )
-
-
-def show_bodies(bodies: Sequence[str]) -> None:
-    """Mark each body in Rerun's room, where the log's transforms have it: a point with its name, and its axes.
-
-    Rerun reads transforms, and no Foxglove scenes: without this its room is empty.
-    """
-    import rerun
-
-    for i, body in enumerate(bodies):
-        colour = (240, 228, 66) if i == 0 else (86, 180, 233)
-        mark = rerun.Points3D([(0.0, 0.0, 0.0)], radii=0.03, colors=colour, labels=body)
-        rerun.log(f"/room/{body}", rerun.CoordinateFrame(body), mark, rerun.TransformAxes3D(0.15), static=True)

@@ -85,7 +85,7 @@ def problems(values: dict[str, Any]) -> list[str]:
     except ConfigError as error:
         return error.problems
     with suppress(typer.Exit):
-        judge_lab(Path("lab.toml"), config, None, as_json=False)
+        judge_lab(Path("lab.toml"), config, as_json=False)
     return []
 
 

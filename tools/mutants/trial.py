@@ -192,6 +192,7 @@ def run_pytest(arguments: list[str], plugins: list[object]) -> int:
             "-p",
             "no:cacheprovider",
             "-Wignore::pytest.PytestAssertRewriteWarning",
+            "-Wignore::RuntimeWarning",  # an overflow, which compiled kernels do not tell
             f"--confcutdir={TESTS[0]}",
         )
         return int(pytest.main([*options, *arguments], plugins))

@@ -8,7 +8,8 @@ from multiprocessing import get_context
 from types import FrameType
 from typing import TextIO
 
-from formation.maths.kernel import compiling, is_cache_temporary, kernel_counts
+from formation.maths.kernel import CHANGED, compiling, kernel_counts
+from formation.maths.kernel_cache import is_cache_temporary
 from wire.clock import monotonic_ns
 
 SELDOM = 10
@@ -34,6 +35,8 @@ def compile_all(program: str, warm_up: WarmUp, stream: TextIO, beside: WarmUp | 
         each_s = (now_s - first_s) / max(count - first_count, 1)
         left = f", about {each_s * (total - count):.0f} s left" if first else ""
         text = f"{program}: compiling {count} of about {total}{left}, {often}: {name}"
+        if CHANGED and first is None:
+            print(f"{program}: this numba's {CHANGED} is new to us: compiling takes longer", file=stream, flush=True)
         if stream.isatty():
             print(f"\r{text[:100]:100}", end="", file=stream, flush=True)
         elif first is None or count % SELDOM == 1:

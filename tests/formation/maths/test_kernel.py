@@ -2,6 +2,8 @@
 
 import gc
 import importlib.util
+import os
+import shutil
 import subprocess
 import sys
 from fcntl import LOCK_EX, flock
@@ -12,7 +14,8 @@ from types import ModuleType
 import numba
 import pytest
 
-from formation.maths.kernel import _cache_root, compiling, is_cache_temporary, kernel_counts
+from formation.maths.kernel import compiling, kernel_counts
+from formation.maths.kernel_cache import _cache_root, is_cache_temporary
 
 ROOT = Path(__file__).resolve().parents[3]
 SOURCE = """
@@ -89,10 +92,31 @@ def test_copies_share_what_is_compiled_and_an_edit_of_what_it_is_made_of_compile
         maths.mkdir(parents=True, exist_ok=True)
         for package in (maths, maths.parent):
             (package / "__init__.py").touch()
-        (maths / "kernel.py").write_text((ROOT / "formation" / "maths" / "kernel.py").read_text())
+        for file in (ROOT / "formation" / "maths").glob("kernel*.py"):
+            shutil.copy(file, maths)
         (maths.parents[1] / "parts.py").write_text(f"FACTOR = {factor}\n")
         (maths.parents[1] / "ours.py").write_text("from parts import FACTOR\n" + SOURCE.replace("2.0", "FACTOR"))
         command = [sys.executable, "-B", "-c", asked]  # Python itself takes an edit within a second for none
         done = subprocess.run(command, cwd=maths.parents[1], capture_output=True, text=True, check=True)
         printed.append(done.stdout.strip())
     assert printed == ["6.0 0", "6.0 1", "13.5 0"]
+
+
+@pytest.mark.parametrize("method", ["codegen.JITCodeLibrary.add_linking_library", "dispatcher.Dispatcher.get_overload"])
+def test_a_numba_of_other_insides_compiles_the_plain_way_and_it_is_said_in_one_line(tmp_path, method):
+    (tmp_path / "told_kernels.py").write_text(SOURCE)
+    asked = f"""
+import sys
+from numba.core import codegen, dispatcher
+known = {method}
+{method} = lambda self, renamed: known(self, renamed)
+from wire.process.progress import compile_all
+import told_kernels
+compile_all("gcs", lambda: print(told_kernels.fourfold(1.5)), sys.stdout)
+"""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": f"{ROOT}:{tmp_path}"}
+    command = [sys.executable, "-c", asked]
+    told = subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.splitlines()
+    name = method.partition(".")[2]
+    assert [k for k, line in enumerate(told) if f"numba's {name} is new" in line] == [0]
+    assert "6.0" in told

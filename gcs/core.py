@@ -12,7 +12,6 @@ import numpy as np
 
 from formation import topics
 from formation.config import LabConfig
-from formation.control import limits
 from formation.control.limits.target import SetpointHoldOff
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack, Stages
@@ -58,7 +57,6 @@ from gcs.safety import (
     Host,
     Lateness,
     all_finite,
-    check_monitors,
     measured_specific_forces,
 )
 from gcs.state import About, ground_state
@@ -93,10 +91,9 @@ class GcsCore:
     ) -> None:  # fmt: skip
         """session: the ground session; a ground that is started again has another one.
 
-        without: those of gcs.safety.MONITORS that a campaign switches off; ValueError for other names.
+        without: those of gcs.safety.MONITORS that a campaign switches off.
         gains: instead of the lab's preset. law_guard: limits the computing time of the lab's own law.
         """
-        check_monitors(without)
         self._config = config
         self._t0_ns, self._session = t0_ns, session
         self._without, self._gains = without, gains
@@ -135,8 +132,7 @@ class GcsCore:
 
     def _fresh_stack(self) -> ControlStack:
         profiles = tuple(self._config.profile_of(vehicle) for vehicle in self._config.vehicles)
-        without = self._without & set(limits.MONITORS)
-        return ControlStack(self._config, profiles, self._gains, without, self._own, self._hold_off)
+        return ControlStack(self._config, profiles, self._gains, self._without, self._own, self._hold_off)
 
     def _link(self, config: LabConfig, i: int) -> DroneLink:
         vehicle = config.vehicles[i]

@@ -40,13 +40,6 @@ _EFFECTS = frozenset(
 )  # fmt: skip
 
 
-def check_monitors(without: frozenset[str]) -> None:
-    """Raise ValueError for a name that is no monitor."""
-    unknown = sorted(without - set(MONITORS))
-    if unknown:
-        raise ValueError(f"no monitor of the ground: {', '.join(unknown)}")
-
-
 class Host:
     """The newest report of the host. It forbids arming and touches no output of the control."""
 

@@ -32,7 +32,7 @@ class MocapCore:
     """The mocap process of one lab, without inputs and outputs.
 
     reject_log: counts rejected frames; a new one by default.
-    without: checks of the pose validator to switch off (mocap.validator.NAMES); ValueError for another name.
+    without: checks of the pose validator to switch off (mocap.validator.NAMES).
     """
 
     def __init__(

@@ -9,7 +9,7 @@ NAMES = (*VALIDATOR_CHECKS, *AGENT_MONITORS, *GROUND_MONITORS)
 
 
 class Without:
-    """The monitors to do without, by the cores that have them; ValueError names one that is none."""
+    """The monitors to do without, by the cores that have them; ValueError names one that is none: no core does."""
 
     def __init__(self, names: frozenset[str] = frozenset()) -> None:
         if unknown := sorted(names - set(NAMES)):

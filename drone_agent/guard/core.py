@@ -33,7 +33,7 @@ from drone_agent.guard.integrity import SIGNATURES
 from drone_agent.guard.navigator import Fault
 from drone_agent.guard.position import BodyHold
 from drone_agent.guard.setpoints import SETPOINTS, BodySetpoints, Sender, stamp_ms
-from drone_agent.guard.stages import MONITOR_OF, Stage, Trigger, switched_off
+from drone_agent.guard.stages import MONITOR_OF, Stage, Trigger
 from formation.maths.arrays import Quat
 from formation.messages import Datagram, Event, Innovation, LabFrame, Severity
 from formation.vehicle.profile import profile
@@ -97,8 +97,8 @@ class GuardCore:
     """One real drone. Call a `receive_*` with what arrives and `tick` no later than `due_ns`."""
 
     def __init__(self, config: GuardConfig, t0_ns: int, *, without: frozenset[str] = frozenset()) -> None:
-        """without: monitors to do without (drone_agent.guard.stages), else ValueError."""
-        self._without = switched_off(without)
+        """without: of drone_agent.guard.stages.MONITORS those to do without."""
+        self._without = without
         self._config = config
         self._is_networked = config.is_networked
         self._t0_ns = self._now_ns = self.due_ns = t0_ns

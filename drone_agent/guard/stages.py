@@ -3,7 +3,7 @@
 One stage at a time, from disarmed to disarmed; the README shows this very table.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from enum import StrEnum
 from types import MappingProxyType
 
@@ -116,12 +116,3 @@ MONITOR_OF: Mapping[Trigger, str] = MappingProxyType(
     }
 )
 """The monitor that a trigger of a fault signature belongs to."""
-
-
-def switched_off(names: Iterable[str]) -> frozenset[str]:
-    """The monitors to do without; ValueError names one that is none of them."""
-    off = frozenset(names)
-    unknown = sorted(off - set(MONITORS))
-    if unknown:
-        raise ValueError(f"unknown monitors: {', '.join(unknown)}; known: {', '.join(MONITORS)}")
-    return off

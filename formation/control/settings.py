@@ -7,7 +7,7 @@ import numpy as np
 from formation.config import LabConfig
 from formation.control.gains import axis_gains
 from formation.control.law import LawSettings
-from formation.control.limits import KEEP_OUT, MONITORS, SEPARATION_FILTER, SPEED_LIMIT
+from formation.control.limits import KEEP_OUT, SEPARATION_FILTER, SPEED_LIMIT
 from formation.control.limits.attitude import AttitudeSettings, ForceLimits, turn_authority
 from formation.control.limits.barriers import BarrierSettings
 from formation.control.presets import ALONE, Preset
@@ -48,9 +48,7 @@ def force_limits(config: LabConfig, profiles: tuple[VehicleProfile, ...]) -> Row
 def barrier_settings(
     config: LabConfig, profiles: tuple[VehicleProfile, ...], without: frozenset[str] = frozenset()
 ) -> Rows[BarrierSettings]:
-    """Barriers about the n bodies; without: of MONITORS those that are switched off (ValueError for others)."""
-    if unknown := without - set(MONITORS):
-        raise ValueError(f"unknown monitor {min(unknown)!r}; known: {', '.join(MONITORS)}")
+    """Barriers about the n bodies; without: of formation.control.limits.MONITORS those that are switched off."""
     commanded_index = {vehicle: i for i, vehicle in enumerate(config.commanded)}
     limits = config.limits
     return rows(

@@ -54,7 +54,7 @@ class ControlStack:
 
     profiles: of the n vehicles in the order of `config.vehicles`; chosen: the gains, by default those that
     `config.control_preset` names (ValueError if there is no such preset); without: monitors that are switched off, of
-    formation.control.limits.MONITORS (ValueError for others); own: the lab's own laws, which take over where they fly;
+    formation.control.limits.MONITORS; own: the lab's own laws, which take over where they fly;
     hold_off: withholds setpoints from rejected poses, if given.
     """
 

@@ -11,7 +11,6 @@ from formation.control.law import Demand
 from formation.control.limits import MONITORS
 from formation.control.limits.barriers import closing_limit, limit_demands, placed
 from formation.control.settings import barrier_settings
-from formation.control.stack import ControlStack
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.reference_generator import VehicleReference
 from formation.maths.records import Rows, blank
@@ -287,10 +286,3 @@ def test_each_barrier_is_switched_off_by_its_name(name: str) -> None:
     z["t_ns"], z["seen_ns"] = NOW_NS, NOW_NS - 300_000_000
     out = placed(settings[:1], z, blank(Demand, 2), blank(VehicleReference, 2), NOW_NS)
     assert out.lost[0] == (name != "keep-out")
-
-
-def test_no_other_name_switches_anything_off() -> None:
-    with pytest.raises(
-        ValueError, match="unknown monitor 'validator-jump'; known: separation-filter, speed-limit, keep-out"
-    ):
-        ControlStack(lab(1), (PAPER_40G,) * 3, without=frozenset({"validator-jump"}))

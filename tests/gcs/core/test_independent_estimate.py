@@ -182,9 +182,7 @@ def test_a_stop_is_repeated_every_ten_milliseconds_without_any_frame_until_it_is
     assert lab.core.next_deadline_ns() - lab.now_ns == 30 * MS
 
 
-def test_monitors_are_switched_off_by_name_and_unknown_names_are_rejected():
-    with pytest.raises(ValueError, match="no monitor of the ground: rule-nonsense"):
-        GcsCore(triangle(), 0, without=frozenset({"rule-nonsense"}))
+def test_monitors_are_switched_off_by_name():
     assert len(set(MONITORS)) == len(MONITORS)
     lab = FakeLab(triangle())
     lab.core = GcsCore(lab.config, lab.now_ns, without=frozenset({"rule-unseen", "rule-lost"}))

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = {"formation", "wire", "mocap", "gcs", "drone_agent", "sim", "analysis", "gcs_log", "mavlink_formation"}
-KINDS = {".typed", ".py", ".toml", ".css", ".html", ".mplstyle", ".msg"}
+KINDS = {".typed", ".py", ".toml", ".css", ".html", ".mplstyle", ".msg", ".service", ".conf"}
 COMMIT = "wire/commit.txt"
 METADATA = {"METADATA", "RECORD", "WHEEL", "entry_points.txt", "licenses/LICENSE"}
 LARGEST_MB = 5.0

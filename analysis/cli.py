@@ -15,13 +15,12 @@ import typer
 from wire.errors import ConfigError, error_text
 from wire.files import demand_absent, new_file, new_folder, write_edited
 from wire.process.program import Overwrite, Program, print_json_error, progress_line
+from wire.process.system import NOT_RIGHT, REJECTED
 
 if TYPE_CHECKING:
     from analysis.catalogue import CatalogueRow
     from analysis.identify.vehicle import Identification
 
-DAMAGED = NOT_LANDED = LAW_FAILED = 1
-UNUSABLE = 2
 
 app = typer.Typer(cls=Program, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -58,7 +57,7 @@ def report(log: LogPath, out: Out = None, overwrite: Overwrite = False, as_json:
         _print_how_to_open(path)
     if not summary.outcome.is_good:
         typer.echo(f"gcs-log: {summary.outcome}", err=True)
-        raise typer.Exit(NOT_LANDED)
+        raise typer.Exit(REJECTED)
 
 
 @app.command("list")
@@ -89,20 +88,20 @@ def list_flights(
     if not rows:
         print_json_error(f"{folder}: no log")
         typer.echo(f"gcs-log: {folder}: no log", err=True)
-        raise typer.Exit(UNUSABLE)
+        raise typer.Exit(NOT_RIGHT)
     if sqlite is not None:
         try:
             write_sqlite(rows, sqlite)
         except sqlite3.Error as error:
             typer.echo(f"gcs-log: {sqlite}: {error}", err=True)
-            raise typer.Exit(UNUSABLE) from error
+            raise typer.Exit(NOT_RIGHT) from error
     if as_json:
         typer.echo(json.dumps([asdict(row) for row in rows], allow_nan=False))
     for path in () if most_bytes is None else over(rows, most_bytes):
         path.unlink()
         typer.echo(f"deleted {path}", err=True)
     if any(row.damage for row in rows):
-        raise typer.Exit(DAMAGED)
+        raise typer.Exit(REJECTED)
 
 
 def _bytes(size: str) -> float:
@@ -140,7 +139,7 @@ def check(log: LogPath, as_json: Json = False) -> None:
     else:
         checking.print_check(found, Console())
     if not found.complete:
-        raise typer.Exit(DAMAGED)
+        raise typer.Exit(REJECTED)
 
 
 @app.command()
@@ -194,9 +193,10 @@ def compare(
             with new_file(out or first.with_name("compared.html"), overwrite) as path:
                 path.write_text(comparing.html(a, b), encoding="utf-8")
             comparing.print_comparison(a, b, Console())
-            _print_page(path)
+            typer.echo(path)  # for scripts
+            _print_how_to_open(path)
     if a.summary.law_failures or b.summary.law_failures:
-        raise typer.Exit(LAW_FAILED)
+        raise typer.Exit(REJECTED)
 
 
 @app.command()
@@ -314,12 +314,6 @@ def _write_profile(found: "Identification", path: Path, sysid: int | None, overw
 IDENTIFIED_BY = "identify a circle or an eight at speed for the response, a flight that climbs and sinks for the thrust"
 
 
-def _print_page(path: Path) -> None:
-    """Print its path for scripts, on standard output, and how to open it."""
-    typer.echo(path)
-    _print_how_to_open(path)
-
-
 def _print_how_to_open(path: Path) -> None:
     """Print, for people, on standard error, how to open the page."""
     typer.echo(f"open it in a browser: {path.resolve().as_uri()}", err=True)
@@ -335,4 +329,4 @@ def _refusing() -> Iterator[None]:
     except (OSError, LogError, ConfigError) as error:
         print_json_error(error_text(error))
         typer.echo(f"gcs-log: {error_text(error)}", err=True)
-        raise typer.Exit(UNUSABLE) from error
+        raise typer.Exit(NOT_RIGHT) from error

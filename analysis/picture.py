@@ -12,8 +12,6 @@ from analysis.plots import motion, style
 from analysis.tracking import Tracking, track
 from analysis.words import mm
 
-SIZE_IN = (10.8, 5.9)
-
 
 def picture(path_mcap: Path, path_png: Path, dpi: int = 140) -> Path:
     """Draw the flight of a log into a PNG; returns where. Raises as `analysis.load.load`."""
@@ -27,7 +25,7 @@ def picture(path_mcap: Path, path_png: Path, dpi: int = 140) -> Path:
 def sheet(flight: Flight) -> Figure:
     """Paths at the left; at the right each follower's x and y, the error, the phases."""
     tracking = track(flight)
-    fig = Figure(figsize=SIZE_IN, layout="constrained")
+    fig = Figure(figsize=(style.WIDTH_IN, 5.9), layout="constrained")
     grid = fig.add_gridspec(4, 2, width_ratios=[1.0, 1.15], height_ratios=[1.0, 1.0, 1.25, 0.42])
     plan = fig.add_subplot(grid[:, 0])
     motion.draw_plan(plan, flight)

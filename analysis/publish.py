@@ -25,9 +25,7 @@ from wire import version
 from wire.files import sha256_of
 from wire.logs.mcap_scan import LogError
 
-COLUMN_MM, MM_IN, TALL = 88.9, 25.4, 0.62
-TRUE_TYPE = 42
-"""Fonts as journals take them; Matplotlib's own choice, Type 3, many reject."""
+COLUMN_MM, MM_IN = 88.9, 25.4
 LOG = "flight.mcap"
 DIGITS = ("Zero", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 SPECIAL = re.compile(r"[\\{}$&#^_~%]")
@@ -171,7 +169,8 @@ def _draw(each: Shown, folder: Path, width_mm: float) -> Iterator[Path]:
 def save(figure: Figure, stem: Path) -> tuple[Path, Path]:
     """Write a figure as PDF and SVG, and say where."""
     files = stem.with_name(f"{stem.name}.pdf"), stem.with_name(f"{stem.name}.svg")  # names may have dots
-    with style.styled(), mpl.rc_context({"pdf.fonttype": TRUE_TYPE}):
+    # TrueType, as journals take fonts; Matplotlib's own choice, Type 3, many reject.
+    with style.styled(), mpl.rc_context({"pdf.fonttype": 42}):
         FigureCanvasPdf(figure)
         figure.savefig(files[0], metadata={"CreationDate": None})
         figure.savefig(files[1], metadata={"Date": None})
@@ -184,7 +183,7 @@ def _figure(width_mm: float, tall: float) -> Figure:
 
 def _error(each: Shown, width_mm: float) -> Figure:
     """Each follower's distance from its slot against the time in formation."""
-    figure, tracking = _figure(width_mm, TALL), track(each.flight)
+    figure, tracking = _figure(width_mm, 0.62), track(each.flight)
     ax = figure.subplots()
     start_s = each.flight.spans(Phase.FORMATION)[0].start_s
     colours = style.colours(len(each.flight.vehicles))[1:]

@@ -149,16 +149,12 @@ def drawings(flight: Flight, tracking: Tracking) -> dict[str, tuple[Drawing, ...
         }
 
 
-SHOWN_EVENTS = 20
-"""Lines of a table that a reader looks through."""
-
-
 def _event_tables(flight: Flight) -> tuple[Part, ...]:
     """The first events that an operator must know, and all others folded away; repeated events are one line."""
     every = folded(flight.events)
     if not every:
         return (Missing("no event was recorded"),)
-    notable = folded(flight.events, Severity.NOTICE)[:SHOWN_EVENTS]
+    notable = folded(flight.events, Severity.NOTICE)[:20]
     if len(notable) == len(every):
         return (_events(every),)
     return _events(notable), Folded(f"All {len(flight.events)} events", _events(every))

@@ -23,11 +23,7 @@ RECORDED = (
     topics.MOCAP, topics.STATE, topics.REFERENCE, topics.COMMAND, topics.PHASE, topics.EVENT, topics.MOCAP_EVENT,
     topics.LINK_UP,
 )  # fmt: skip
-VERSION = 5
-SHOWN_MESSAGES = 1000
-"""So often progress is shown."""
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
-_LAST, _RELIABLE, _TRANSIENT_LOCAL, _VOLATILE, _AUTOMATIC = 1, 1, 1, 2, 1
 
 Message = tuple[int, Shown]
 """(date of its record, topic and message)."""
@@ -43,7 +39,7 @@ def write(log: Log, folder: Path, progress: Callable[[str], None] = lambda _text
     with path.open("wb") as stream:
         bag = _Bag(Writer(stream, compression=CompressionType.ZSTD), flight.types)
         for count, (unix_ns, shown) in enumerate(_messages(log, lab, flight)):
-            if count % SHOWN_MESSAGES == 0:
+            if count % 1000 == 0:
                 progress(f"{count} messages written")
             bag.add(unix_ns, shown)
         bag.finish()
@@ -123,7 +119,7 @@ class _Bag:
             for topic, kind in self._types.items()
         ]  # fmt: skip
         information = {
-            "version": VERSION, "storage_identifier": "mcap", **span, "topics_with_message_count": described,
+            "version": 5, "storage_identifier": "mcap", **span, "topics_with_message_count": described,
             "compression_format": "", "compression_mode": "", "relative_file_paths": [file],
             "files": [{"path": file, **span}],
         }  # fmt: skip
@@ -136,10 +132,11 @@ def _absolute(topic: str) -> str:
 
 def _qos(topic: str) -> str:
     """The quality of service that was offered; the frames that stand still are there for those who come late."""
+    last = reliable = automatic = transient_local = 1  # as rmw has them
     latched = topic == TF_STATIC
     profile = {
-        "history": _LAST, "depth": 1 if latched else 10, "reliability": _RELIABLE,
-        "durability": _TRANSIENT_LOCAL if latched else _VOLATILE, "deadline": _FOREVER, "lifespan": _FOREVER,
-        "liveliness": _AUTOMATIC, "liveliness_lease_duration": _FOREVER, "avoid_ros_namespace_conventions": False,
+        "history": last, "depth": 1 if latched else 10, "reliability": reliable,
+        "durability": transient_local if latched else 2, "deadline": _FOREVER, "lifespan": _FOREVER,
+        "liveliness": automatic, "liveliness_lease_duration": _FOREVER, "avoid_ros_namespace_conventions": False,
     }  # fmt: skip
     return json.dumps([profile])

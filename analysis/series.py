@@ -12,7 +12,7 @@ from wire.columns import Column
 
 M = TypeVar("M")
 Index = NDArray[np.int64]
-MIN_PARABOLA, MOST_REACHED = 5, 500
+MIN_PARABOLA = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,7 +103,7 @@ def smoothed(t_s: Float, values: Float, window_s: float, mask: Bool) -> Float:
     """
     if len(t_s) < MIN_PARABOLA:
         return values
-    reach = int(min(np.ceil(0.5 * window_s / max(float(np.median(np.diff(t_s))), 1e-9)), MOST_REACHED))
+    reach = int(min(np.ceil(0.5 * window_s / max(float(np.median(np.diff(t_s))), 1e-9)), 500))
     index = np.arange(len(t_s))[:, None] + np.arange(-reach, reach + 1)
     inside = np.clip(index, 0, len(t_s) - 1)
     dt = (t_s[inside] - t_s[:, None]) / window_s

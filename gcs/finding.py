@@ -63,6 +63,8 @@ class Finding:
     refit: Refit | None = None
 
 
+MILLIMETRES_M = 50.0
+"""A length in a room beyond this is one in millimetres."""
 STYLES = {Grade.PASS: "green", Grade.WARN: "yellow", Grade.FAIL: "bold red"}
 
 

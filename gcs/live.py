@@ -11,14 +11,12 @@ import zenoh
 
 from formation.config import LinkConfig
 from formation.messages import Event
-from wire.logs.live import ChannelDescription, LiveLog, keys
+from wire.logs.live import QUEUED, ChannelDescription, LiveLog, keys
 from wire.process.daemon import GROUND_REMEDY, Precondition, Stop, beside, report_missing
 from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.zenoh_bus import ZenohBus
 
 APPLICATION = "mavlink-formation"
-QUEUED = 64
-"""Chunks that wait for a viewer; then the oldest are lost."""
 
 
 class ViewerError(RuntimeError):

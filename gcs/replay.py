@@ -56,7 +56,6 @@ class Replay:
         return self.difference is None
 
 
-SHOWN_NS = 1_000_000_000
 Output = tuple[Topic, object]
 Array = NDArray[Any]
 
@@ -64,7 +63,7 @@ Array = NDArray[Any]
 def replay(log: Log, progress: Callable[[str], None] = lambda _text: None) -> Replay:
     """Feed the log's inputs to a fresh core until an output differs. Raises ReplayError, and LogError while it is read.
 
-    progress: called with how far it is, every SHOWN_NS of the flight.
+    progress: called with how far it is, every second of the flight.
     A log that was cut off may end in the middle of a tick's outputs: what is there must agree.
     """
     core, left_out = _core(log), log.left_out
@@ -83,7 +82,7 @@ def replay(log: Log, progress: Callable[[str], None] = lambda _text: None) -> Re
         t_ns = entry.t_ns
         if entry.topic is topics.TICK:
             now_ns = entry.message.now_ns
-            if now_ns - shown_ns >= SHOWN_NS:
+            if now_ns - shown_ns >= 1_000_000_000:
                 progress(f"{ticks} ticks replayed")
                 shown_ns = now_ns
             outgoing = core.tick(now_ns)

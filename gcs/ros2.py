@@ -14,7 +14,7 @@ from formation.requests import answer_s
 from wire import clock as clocks
 from wire.clock import Clock
 from wire.ground_state import GroundState, decode
-from wire.logs.live import LiveLog, keys
+from wire.logs.live import QUEUED, LiveLog, keys
 from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, beside, first_of, report_missing
 from wire.process.system import own_name
 from wire.ros2.flight import OK, TF_STATIC, Flight, Shown, diagnostics, fault_status, phase_status, static_frames
@@ -30,9 +30,6 @@ SOURCE = "ros2"
 SERVICE = "std_srvs/srv/Trigger"
 SERVED = (Verb.HOLD, Verb.LAND)
 """A ROS graph has no roles: nobody in it may start anything."""
-SLOW_NS = 1_000_000_000
-QUEUED = 64
-"""Frames, and chunks of the log, that wait; then the oldest are lost."""
 LOGGED = {topic.name: schema_of(topic.type) for topic in (topics.STATE, topics.REFERENCE, topics.COMMAND)}
 ROUTER_REMEDY = "start it with `ros2 run rmw_zenoh_cpp rmw_zenohd`; a lab's own bus is none"
 
@@ -176,7 +173,7 @@ async def _every_second(shows: Shows, bus: ZenohBus, clock: Clock, report: Event
         now_ns = clock.monotonic_ns()
         for event in bus.rejections.due(now_ns):
             report(event)
-        await clock.sleep_until_ns(now_ns + SLOW_NS)
+        await clock.sleep_until_ns(now_ns + 1_000_000_000)
 
 
 def _service(verb: Verb, bus: ZenohBus, name: str, tasks: asyncio.TaskGroup) -> Callable[[Reply], None]:

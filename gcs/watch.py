@@ -36,7 +36,6 @@ MOST_ALARMS = 6
 NARROW = {"mode": 8, "name": 9, "validator": 9}
 HEADS = {"setpoint": "set-\npoint", "charge": "\nbatt"}
 KEYS = {" ": Verb.STOP, "h": Verb.HOLD, "l": Verb.LAND, "a": Verb.ACKNOWLEDGE}
-REDRAW_S = 0.1
 
 
 def picture(shown: Show, alarms: tuple[Alarm, ...], answer: str) -> Group:
@@ -146,7 +145,7 @@ class _Watch:
                     mocap = self._mocap if now_ns - self._mocap_ns < MOCAP_LOST_NS else None
                     shown = show(self._state, mocap, (now_ns - self._state_ns) * 1e-9)
                     live.update(picture(shown, self._alarms.open, self._answer), refresh=True)
-                    await asyncio.sleep(REDRAW_S)
+                    await asyncio.sleep(0.1)
         finally:
             loop.remove_reader(keyboard)
             await bus.close()

@@ -14,7 +14,6 @@ from typing import Any
 from numpy.typing import NDArray
 
 Table = Mapping[str, NDArray[Any]]
-SHOWN_COLUMNS = 5
 # Neither the folder of a notebook (`-P`) nor PYTHONPATH has modules for it.
 READER = (sys.executable, "-P", "-m", "mavlink_formation", "analysis.tables")
 
@@ -78,7 +77,7 @@ def _overview(tables: Mapping[str, Table]) -> list[tuple[str, ...]]:
     lines: list[tuple[str, ...]] = [("topic", "rows", "t_s", "columns")]
     for topic, table in sorted(tables.items()):
         t_s, columns = table["t_s"], [name for name in table if name not in ("t_s", "unix_ns")]
-        shown = ", ".join(columns[:SHOWN_COLUMNS]) + (", ..." if len(columns) > SHOWN_COLUMNS else "")
+        shown = ", ".join(columns[:5]) + (", ..." if len(columns) > 5 else "")
         lines.append((topic, str(len(t_s)), f"{t_s.min():.1f} to {t_s.max():.1f}", shown))
     return lines
 

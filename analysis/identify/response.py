@@ -22,8 +22,7 @@ LOWEST = np.array([np.log(1.0), np.log(4.0), np.log(0.002), 0.0, -0.5, -0.2, -0.
 HIGHEST = np.array([np.log(80.0), np.log(400.0), np.log(0.2), 0.5, 0.5, 0.2, 0.2])
 SCALE = np.array([0.3, 0.3, 0.3, 0.02, 0.05, 0.01, 0.01])
 DEAD, RATES = 3, 4
-STEP_LENGTH = 4.4  # of 1/P: the step has settled
-LEAST_S, TILT_MIN = 4.0, 2e-3
+LEAST_S = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +47,7 @@ def fit(of: Sent, saw: Seen) -> Response | str:
     if len(saw.t_s) < 10 or saw.t_s[-1] - saw.t_s[0] < LEAST_S:
         return f"less than {LEAST_S:g} s of free flight"
     inputs, at_s = _inputs(of, float(saw.t_s[-1]))
-    if float(np.std(inputs[:, :2])) < TILT_MIN:
+    if float(np.std(inputs[:, :2])) < 2e-3:
         return "the attitude targets hardly moved"
     free = np.ones(len(START), dtype=np.bool_)
     free[RATES] = bool(np.abs(inputs[:, 2:]).max() > 1e-6)
@@ -113,7 +112,7 @@ def step(parameters: Float, t_s: Float) -> Float:
 
 def nearest_first_order(parameters: Float) -> tuple[float, float]:
     """(dead_time_s, lag_s) of the first-order response whose step is nearest, in squares, until it has settled."""
-    length_s = STEP_LENGTH / float(np.exp(parameters[0]))
+    length_s = 4.4 / float(np.exp(parameters[0]))  # so many 1/P
     t_s = np.linspace(0.0, length_s, 400)
     without_delay = parameters.copy()
     without_delay[DEAD] = 0.0

@@ -19,11 +19,7 @@ from formation.maths.arrays import Bool, Float
 from wire.clock_offset import ClockOffset
 from wire.link_messages import Attitude, AttitudeQuaternion, MessageId, TimeSync
 
-MAD_TO_DEVIATION = 1.4826  # of a normal distribution
-MAD_COST = 1.17  # standard error of that estimate, over sigma / sqrt(samples)
 LEAST = 50
-REACH = 2  # frames on either side that foretell a frame
-STILL_M = 0.02
 CLOCKS = frozenset({MessageId.TIMESYNC})
 ATTITUDES = frozenset({MessageId.ATTITUDE, MessageId.ATTITUDE_QUATERNION})
 
@@ -73,7 +69,7 @@ def _noise(body: str, poses: Poses, index: int, grounded: Bool) -> Noise:
     """Noise of one body: positions from the whole flight, attitude from where it stood."""
     seen = poses.seen[:, index]
     start = poses.pos_lab_m[np.argmax(seen), index]
-    still = seen & grounded & (np.linalg.norm(poses.pos_lab_m[:, index] - start, axis=1) < STILL_M)
+    still = seen & grounded & (np.linalg.norm(poses.pos_lab_m[:, index] - start, axis=1) < 0.02)
     rotation = np.zeros((0, 3))
     if still.any():
         q = poses.q_lab_from_flu[still, index]
@@ -85,11 +81,10 @@ def scatter(t_s: Float, values: Float) -> Estimate | None:
     """White-noise deviation of a smooth signal (T, d) at uneven times: how far each sample is from the cubic through
     the two before and the two after it. The median rejects jumps; None of too few samples.
     """
-    count = len(t_s) - 2 * REACH
-    if count < LEAST:
-        return None
-    middle = np.arange(REACH, len(t_s) - REACH)
     others = np.array([-2, -1, 1, 2])
+    if len(t_s) - 4 < LEAST:
+        return None
+    middle = np.arange(2, len(t_s) - 2)
     dt = t_s[middle[:, None] + others] - t_s[middle, None]
     weights = np.ones_like(dt)
     for i in range(len(others)):
@@ -98,15 +93,15 @@ def scatter(t_s: Float, values: Float) -> Estimate | None:
                 weights[:, i] *= dt[:, j] / (dt[:, j] - dt[:, i])
     foretold = np.einsum("ki,kid->kd", weights, values[middle[:, None] + others])
     residuals = (values[middle] - foretold) / np.sqrt(1.0 + np.sum(np.square(weights), axis=1))[:, None]
-    deviation = MAD_TO_DEVIATION * float(np.median(np.abs(residuals)))
-    error = CONFIDENCE * MAD_COST * deviation / float(np.sqrt(residuals.size))
+    # Of a normal distribution; 1.17: the standard error of that estimate, over sigma / sqrt(samples).
+    deviation = 1.4826 * float(np.median(np.abs(residuals)))
+    error = CONFIDENCE * 1.17 * deviation / float(np.sqrt(residuals.size))
     return Estimate(deviation, deviation - error, deviation + error)
 
 
 MOST_S = 0.1
-GAP_S = 0.1
-"""No interpolation between attitudes farther apart than this."""
-ATTITUDES_LEAST, TILT_MIN = 200, 5e-3
+"""No latency is longer, and nothing is interpolated between attitudes farther apart."""
+ATTITUDES_LEAST = 200
 
 Attitudes = tuple[Float, Float]
 
@@ -138,9 +133,9 @@ def late(flight: Flight, vehicle: Vehicle, own: Attitudes | None) -> Estimate | 
     own_s, own_down = own
     t_s = poses.t_s[flown]
     after = np.clip(np.searchsorted(own_s, t_s), 1, len(own_s) - 1)
-    near = (own_s[after] - own_s[after - 1] < GAP_S) & (t_s > own_s[0] + MOST_S) & (t_s < own_s[-1] - MOST_S)
+    near = (own_s[after] - own_s[after - 1] < MOST_S) & (t_s > own_s[0] + MOST_S) & (t_s < own_s[-1] - MOST_S)
     t_s, shown = t_s[near], _up(poses.q_lab_from_flu[flown, index][near])
-    if len(t_s) < ATTITUDES_LEAST or float(np.std(shown, axis=0).max()) < TILT_MIN:
+    if len(t_s) < ATTITUDES_LEAST or float(np.std(shown, axis=0).max()) < 5e-3:
         return "it hardly leant"
 
     def residual(parameters: Float) -> Float:

@@ -70,7 +70,6 @@ def propagated(function: Callable[[Float], Float], at: Float, covariance_of: Flo
 
 
 GRID_S = 0.002
-CLEAR_M = 0.1  # this far above its resting place a drone flies freely
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -112,7 +111,7 @@ def seen(flight: Flight, vehicle: Vehicle) -> Seen:
     z = poses.pos_lab_m[:, index, 2]
     visible = poses.seen[:, index]
     floor_m = float(z[visible].min()) if visible.any() else 0.0
-    free: Bool = visible & airborne(flight, poses.t_s) & (z > floor_m + CLEAR_M)
+    free: Bool = visible & airborne(flight, poses.t_s) & (z > floor_m + 0.1)
     q = poses.q_lab_from_flu[free, index]
     up = frames.rotate(q, UP)
     return Seen(poses.t_s[free], z[free], up[:, :2], up[:, 2], np.unwrap(frames.yaw(q)))

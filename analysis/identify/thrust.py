@@ -17,10 +17,6 @@ from formation.maths.arrays import Float
 from formation.vehicle.body import GRAVITY_M_S2
 
 BUMP_S = 0.6
-SPACING_S = 0.05
-LEAST_WINDOWS = 40
-FULL_WINDOW = 0.8  # of the frames a window should hold; a window with a gap says nothing
-CURVE_KNOWN = 0.1  # a thrust curve with a wider confidence interval is not used
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +36,7 @@ class Thrust:
 def fit(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Thrust | str:
     """The thrust of one vehicle whose delay and motor lag are known, or why it cannot be had from this flight."""
     windows = list(_windows(of, saw, delay_s, motor_lag_s))
-    if len(windows) < LEAST_WINDOWS:
+    if len(windows) < 40:
         return "too little uninterrupted free flight"
     table = np.array(windows)
     t_s, force, regressors = table[:, 0], table[:, 1], table[:, 2:]
@@ -48,11 +44,13 @@ def fit(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Thrust | str
     residual = force - regressors @ solution
     cov = covariance(regressors, residual, t_s)
     hover, curve, full, fade = propagated(_meant, solution, cov)
-    known = curve if curve.half_width < CURVE_KNOWN else None
+    known = curve if curve.half_width < 0.1 else None
     return Thrust(hover, known, full, fade)
 
 
-def _windows(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Iterator[tuple[float, ...]]:
+def _windows(
+    of: Sent, saw: Seen, delay_s: float, motor_lag_s: float, spacing_s: float = 0.05
+) -> Iterator[tuple[float, ...]]:
     """(t, specific force, its regressors) of each window without gaps."""
     at_s = grid(of, float(saw.t_s[-1])) if len(saw.t_s) else of.t_s[:1]
     if len(at_s) < 2:
@@ -62,10 +60,10 @@ def _windows(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Iterato
     first, second = (lfilter([0.0, 1.0 - decay], [1.0, -decay], sent**power) for power in (1, 2))
     cos = np.interp(at_s, saw.t_s, saw.cos_tilt)
     usual = BUMP_S / float(np.median(np.diff(saw.t_s)))
-    for middle_s in np.arange(saw.t_s[0] + BUMP_S / 2.0, saw.t_s[-1] - BUMP_S / 2.0, SPACING_S):
+    for middle_s in np.arange(saw.t_s[0] + BUMP_S / 2.0, saw.t_s[-1] - BUMP_S / 2.0, spacing_s):
         frames = _inside(saw.t_s, middle_s)
-        if frames.stop - frames.start < FULL_WINDOW * usual:
-            continue
+        if frames.stop - frames.start < 0.8 * usual:
+            continue  # a window with a gap says nothing
         cells = _inside(at_s, middle_s)
         weight = _bump(at_s[cells] - middle_s)
         weight = cos[cells] * weight / weight.sum()

@@ -16,8 +16,6 @@ from formation.vehicle.profile import PAPER_40G, VehicleProfile
 
 KNOWN_WITHIN = 1.0 / 3.0
 """A figure is written where half its 95 % interval is at most this share of it: control stands gains off by as much."""
-_FOLLOWS_RATES = 0.5
-"""Of the body rates' lead: an autopilot takes it whole or not at all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,21 +66,16 @@ class Identified:
             # What is inside the vehicle is part of the delay seen; the link's share of it is not known.
             seen_s = delay_s.value if delay_s.share <= share else delay_s.high
             update["command_delay_s"] = min(self.base.command_delay_s, seen_s)
-            if lead is not None and not lead.low <= _FOLLOWS_RATES <= lead.high:
-                update["rate_feed_forward"] = lead.value > _FOLLOWS_RATES
+            if lead is not None and not lead.low <= 0.5 <= lead.high:  # an autopilot takes it whole or not at all
+                update["rate_feed_forward"] = lead.value > 0.5
         if isinstance(self.thrust, Thrust) and "thrust_max_n" not in known:
             update.pop("thrust_curve", None)  # the two make the hover thrust together
         elif isinstance(self.thrust, Thrust):
-            curve = _fraction(known.get("thrust_curve", self.base.thrust_curve))
+            curve = min(max(known.get("thrust_curve", self.base.thrust_curve), 0.0), 1.0)
             hover = self.thrust.hover_norm.value
             weight_n = self.base.mass_kg * GRAVITY_M_S2
             update |= {"thrust_curve": curve, "thrust_max_n": weight_n / ((1.0 - curve) * hover + curve * hover**2)}
         return self.base.model_copy(update={key: _short(value) for key, value in update.items()})
-
-
-def _fraction(value: float) -> float:
-    """Into 0..1, where a thrust curve lives."""
-    return min(max(value, 0.0), 1.0)
 
 
 def _short(value: float | bool | str) -> float | bool | str:

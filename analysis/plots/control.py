@@ -175,7 +175,8 @@ def attitude(flight: Flight, tracking: Tracking) -> Drawing:
         column = flight.followers[k].column or 0
         for ax, axis in zip(row, (0, 1, 1), strict=True):
             tilt = style.broken(measured[:, k, axis], flight.poses.seen[:, k + 1])
-            _against_target(ax, flight, tilt, wanted[:, column, axis], colours[k + 1], flight.followers[k].body)
+            style.line(ax, flight.target.t_s, wanted[:, column, axis], color="#9aa5b1", lw=1.3, label="target")
+            style.line(ax, flight.poses.t_s, tilt, color=colours[k + 1], lw=0.9, label=flight.followers[k].body)
         row[0].set_title(flight.followers[k].body)
         row[0].set_ylabel("roll, °")
         row[1].set_ylabel("pitch, °")
@@ -186,12 +187,6 @@ def attitude(flight: Flight, tracking: Tracking) -> Drawing:
         style.legend(row[2])
     shade([ax for row in grid for ax in row[:2]], flight)
     return fig
-
-
-def _against_target(ax: Axes, flight: Flight, measured: Float, wanted: Float, colour: str, name: str) -> None:
-    """One angle measured, over its target."""
-    style.line(ax, flight.target.t_s, wanted, color="#9aa5b1", lw=1.3, label="target")
-    style.line(ax, flight.poses.t_s, measured, color=colour, lw=0.9, label=name)
 
 
 def _close_up(ax: Axes, flight: Flight, wanted: Float, measured: Float, start_s: float) -> None:
@@ -264,9 +259,6 @@ def link(flight: Flight) -> Drawing:
     return fig
 
 
-BINS = 60
-
-
 def histograms(flight: Flight) -> Drawing:
     """Histograms of control latency, mocap frame spacing and setpoint age, those that the log holds."""
     panels = [
@@ -291,7 +283,7 @@ def histograms(flight: Flight) -> Drawing:
 def _histogram(ax: Axes, values_ms: Float) -> None:
     """Counts on a log scale, so that the rare late ones are seen; median and 99th percentile marked."""
     p50, p99 = np.percentile(values_ms, [50.0, 99.0])
-    ax.hist(values_ms, bins=BINS, color="#9db4cc", log=True, zorder=2)
+    ax.hist(values_ms, bins=60, color="#9db4cc", log=True, zorder=2)
     for value, name, dash in ((p50, "median", "-"), (p99, "99 %", (0, (4, 3)))):
         ax.axvline(value, color=style.INK, lw=0.9, ls=dash, label=f"{name} {value:.3g} ms", zorder=3)
     ax.plot([], [], " ", label=f"max {values_ms.max():.3g} ms")

@@ -15,10 +15,6 @@ from analysis.plots.style import Drawing, Missing, shade
 from analysis.tracking import LeaderTracking, Tracking, airborne, in_formation_phase, reference_lab_m
 from formation.maths.arrays import Bool, Float, Vec3
 
-SNAPSHOTS = 7
-PATH_POINTS = 1500
-LONG_FRAMES = 6000  # paths of more frames than this are drawn thinner
-
 
 def where(flight: Flight) -> Drawing:
     """Every vehicle's path from above and in three dimensions, side by side."""
@@ -54,7 +50,7 @@ def draw_plan(ax: Axes, flight: Flight) -> None:
     """Paths in the horizontal plane on equal axes: faint outside the formation phase, strong inside."""
     poses, names = flight.poses, [v.body for v in flight.vehicles]
     formed = _formed(flight)
-    width = 1.6 if formed.sum() < LONG_FRAMES else 0.9
+    width = 1.6 if formed.sum() < 6000 else 0.9  # of long paths
     for i, colour in enumerate(style.colours(len(names))):
         xy = _path(poses.pos_lab_m[:, i, :2], poses.seen[:, i])
         ax.plot(*_spaced(xy, len(names)).T, color=colour, lw=0.8, alpha=0.35)
@@ -86,9 +82,9 @@ def _path(points: Float, shown: Bool) -> Float:
     return np.where(shown[:, None], points, np.nan)
 
 
-def _spaced(points: Float, among: int = 1) -> Float:
+def _spaced(points: Float, among: int = 1, most: int = 1500) -> Float:
     """Every so many-th point of one of `among` paths: an even thinning that keeps its NaN breaks."""
-    step = max(1, len(points) * max(among, style.FEW) // (PATH_POINTS * style.FEW))
+    step = max(1, len(points) * max(among, style.FEW) // (most * style.FEW))
     return points[::step]
 
 
@@ -98,7 +94,7 @@ def _snapshots(ax: Axes, flight: Flight, formed: Bool) -> None:
     if not len(frames):
         return
     colours = style.colours(len(flight.vehicles))
-    for k in frames[np.linspace(0, len(frames) - 1, SNAPSHOTS).astype(int)]:
+    for k in frames[np.linspace(0, len(frames) - 1, 7).astype(int)]:
         xy = flight.poses.pos_lab_m[k, :, :2]
         for follower in xy[1:]:
             ax.plot(*np.stack([xy[0], follower]).T, color=style.SOFT, lw=0.6, alpha=0.45, zorder=1)
@@ -142,14 +138,11 @@ def _box(points: Float) -> tuple[Vec3, Vec3]:
     return low - short * np.array([0.5, 0.5, 0.0]), high + short * np.array([0.5, 0.5, 1.0])
 
 
-ROWS = 6
-OVER_EACH_OTHER = 2
-"""Followers whose errors a reader can distinguish in one picture."""
 NO_LEADER = "the leader's tracking error needs its mocap frames and references in formation; the log lacks them"
 NO_TRACKING = "formation error needs mocap frames and control references; the log lacks one of them"
 
 
-def worst_followers(tracking: Tracking, most: int = ROWS) -> tuple[int, ...]:
+def worst_followers(tracking: Tracking, most: int = 6) -> tuple[int, ...]:
     """The followers drawn one by one: all, or those with the largest RMS error; in the configuration's order."""
     count = tracking.formed.shape[1]
     if count <= most:
@@ -184,7 +177,7 @@ def errors(flight: Flight, tracking: Tracking) -> Drawing:
     if not tracking.formed.any():
         return Missing("no frame was flown in formation" if len(tracking.t_s) else NO_TRACKING)
     length_mm = 1e3 * np.linalg.norm(tracking.error_lead_m, axis=-1)
-    if tracking.formed.shape[1] > OVER_EACH_OTHER:
+    if tracking.formed.shape[1] > 2:  # whose errors a reader can distinguish in one picture
         return _errors_by_follower(flight, tracking, length_mm)
     fig, column = style.Sheet(5.4, (1.7, 1.0, 1.0, 1.0)).axes()
     axes = [row[0] for row in column]

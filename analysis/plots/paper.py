@@ -37,9 +37,7 @@ COLOURS = {
     "pid": "#7a56c8",
     "geometric": "#2a9d6f",
 }
-BEFORE_S, AFTER_S = 1.0, 9.0  # of the first gust
 COLUMNS = 3
-LEAST_MM = 0.05
 
 
 class Trace(Protocol):
@@ -85,7 +83,7 @@ def gust(traces: Traces) -> Drawing:
     for ax, label in zip(axes, ("along x, m", "along y, m", "push along x, m/s²"), strict=True):
         ax.set_ylabel(label)
         ax.axhline(0.0, color=style.FAINT, lw=0.8, zorder=1)
-        style.time_axis(ax, -BEFORE_S, AFTER_S, label=False)
+        style.time_axis(ax, -1.0, 9.0, label=False)
         _fit_height(ax)
     axes[2].tick_params(labelbottom=True)
     axes[2].set_xlabel("after the first gust, s")
@@ -161,7 +159,7 @@ def deviations(traces: Traces) -> Drawing:
         ax.set_title(f"{NAMES[name]}: {mm(rms(1e-3 * length_mm))} RMS", fontsize=8.5)
         style.time_axis(ax, float(trace.t_s[0]), float(trace.t_s[-1]))
     for ax in panels:
-        ax.set(yscale="log", ylim=(LEAST_MM, 1.5 * widest_mm))
+        ax.set(yscale="log", ylim=(0.05, 1.5 * widest_mm))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     return fig
 

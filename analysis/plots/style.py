@@ -45,7 +45,6 @@ PHASES: Mapping[Phase, str] = MappingProxyType(
 WIDTH_IN = 10.8
 MARGINS_IN = (0.74, 0.06, 0.3, 0.44)  # left, right, top, bottom
 FEW = 6  # lines an axes holds at full detail
-NAMED = 8  # more names than this are left to the table of followers
 POINTS = 1100  # points kept of a line: about one a pixel of the page
 _STYLE = Path(__file__).with_name("house.mplstyle")
 
@@ -161,13 +160,8 @@ def colours(vehicles: int) -> tuple[str, ...]:
     if followers <= len(FOLLOWERS):
         return (LEADER, *FOLLOWERS[: max(followers, 0)])
     hues = (0.58 + np.arange(followers) / followers) % 1.0
-    return (LEADER, *(_hex(hue, 0.78 - 0.14 * (i % 2)) for i, hue in enumerate(hues)))
-
-
-def _hex(hue: float, value: float) -> str:
-    """A colour of that hue and brightness."""
-    red, green, blue = hsv_to_rgb((hue, 0.72, value))
-    return to_hex((float(red), float(green), float(blue)))
+    hsv = np.stack([hues, np.full(followers, 0.72), 0.78 - 0.14 * (np.arange(followers) % 2)], axis=-1)
+    return (LEADER, *map(to_hex, hsv_to_rgb(hsv)))
 
 
 def thin(t_s: Float, y: Float, points: int = POINTS) -> tuple[Float, Float]:
@@ -209,8 +203,8 @@ def time_axis(ax: Axes, low_s: float, high_s: float, *, label: bool = True) -> N
 
 
 def legend(ax: Axes, columns: int = 6) -> None:
-    """One row of names above the axes, at the right; none where they would be too many."""
-    if len(ax.get_legend_handles_labels()[1]) > NAMED:
+    """One row of names above the axes, at the right; more than eight are left to the table of followers."""
+    if len(ax.get_legend_handles_labels()[1]) > 8:
         return
     ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.2)
 

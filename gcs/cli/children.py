@@ -7,8 +7,6 @@ from pathlib import Path
 
 from wire.process.system import python_command
 
-PATIENCE_S = 5.0
-
 
 @contextmanager
 def page_process(lab: Path, name: str, speed: float, insecure: bool = False) -> Iterator["subprocess.Popen[bytes]"]:
@@ -26,6 +24,6 @@ def page_process(lab: Path, name: str, speed: float, insecure: bool = False) -> 
     finally:
         process.terminate()
         try:
-            process.wait(PATIENCE_S)
+            process.wait(5.0)
         except subprocess.TimeoutExpired:
             process.kill()

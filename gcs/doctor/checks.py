@@ -21,7 +21,7 @@ from formation.messages import LabFrame
 from formation.safety.rules import nearest, outside_box
 from formation.vehicle.profile import VehicleProfile
 from gcs.drones.autopilot_model import HOVER_WITHIN, GroundModel, ParameterRule
-from gcs.finding import Finding, Fix, Grade, Refit, graded, unmeasured
+from gcs.finding import MILLIMETRES_M, Finding, Fix, Grade, Refit, graded, unmeasured
 from gcs.security.signing_probe import ProbeOutcome
 from mocap.figures import noise_m, timing
 from wire.config_file import dump_profile
@@ -33,7 +33,6 @@ RATE_WITHIN = 0.1
 JITTER_SHARE, LOST_SHARE, SEEN_SHARE = 0.5, 0.02, 0.95
 NOISE_M = 0.001
 DELAY_WITHIN_S, DELAY_LEAST_S = 0.01, 0.001
-MILLIMETRES_M = 50.0
 LEVEL_RAD, ON_SIDE_RAD = np.radians(8.0), np.radians(60.0)
 FLOOR_M = 0.1
 TIPPED_RAD = np.radians(12.0)

@@ -28,10 +28,7 @@ if TYPE_CHECKING:
     from wire.security.protection import Protection
 
 T = TypeVar("T")
-LISTEN_S = 5.0
-"""How long mocap and drones are listened to."""
 SETTLE_S = 3.0
-WIDTH = 150  # of a table that is not for a terminal
 
 
 def doctor(
@@ -117,7 +114,7 @@ async def _doctor(
     recorded = read_record(lab_file)
     async with surveying(config, lab_file, print_event, _protection(config, lab_file, insecure)) as survey:
         survey.recall(recorded)
-        findings = await examine(config, LISTEN_S, None if still else _prompt, survey)
+        findings = await examine(config, None if still else _prompt, survey)
         note_fixes(lab_file, (f.fix for f in findings if f.fix is not None and survey.reads_at_boot(f.fix)))
         if not as_json:
             _show(findings)
@@ -131,7 +128,7 @@ def _show(findings: Sequence["Finding"]) -> None:
 
     from gcs.finding import show
 
-    show(findings, Console(width=None if sys.stdout.isatty() else WIDTH))
+    show(findings, Console(width=None if sys.stdout.isatty() else 150))
 
 
 async def _write(survey: "Survey", lab_file: Path, findings: Sequence["Finding"], fixing: _FixOptions) -> None:
@@ -210,6 +207,9 @@ async def _logs(
     from gcs.doctor.mavsdk_drone import DroneError
     from gcs.doctor.survey import surveying  # loads MAVSDK
 
+    def report(text: str) -> None:
+        print(json.dumps({"text": text}) if as_json else text, flush=True)
+
     problems = []
     async with surveying(config, lab_file, print_event, _protection(config, lab_file, insecure)) as survey:
         await asyncio.sleep(SETTLE_S)
@@ -217,7 +217,7 @@ async def _logs(
             if vehicle.sysid is None or (only and vehicle.sysid not in only):
                 continue
             try:
-                await survey.fetch_log(vehicle.sysid, out, _print_json if as_json else print)
+                await survey.fetch_log(vehicle.sysid, out, report)
             except DroneError as error:
                 problems.append(str(error))
                 print_json_error(str(error))
@@ -229,10 +229,6 @@ def _protection(config: "LabConfig", lab_file: Path, insecure: bool) -> "Protect
     from wire.security.protection import lab_protection
 
     return lab_protection(config.security, lab_file, GROUND, insecure=insecure)
-
-
-def _print_json(text: str) -> None:
-    print(json.dumps({"text": text}), flush=True)
 
 
 async def _prompt(text: str) -> None:

@@ -24,7 +24,6 @@ from wire.text import plain
 
 LOOPBACK = "127.0.0.1"
 DISCOVERY_S, HEALTH_S, LISTING_S = 10.0, 5.0, 20.0
-LARGEST = 65536
 
 
 class DroneError(RuntimeError):
@@ -63,7 +62,7 @@ class MavsdkPort:
     def _read(self) -> None:
         while True:
             try:
-                self._send(self._socket.recv(LARGEST))
+                self._send(self._socket.recv(65536))
             except BlockingIOError:
                 return
             except OSError:  # an ICMP answer to something sent earlier

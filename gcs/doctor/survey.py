@@ -272,7 +272,9 @@ async def surveying(
         await bus.close()
 
 
-async def examine(config: LabConfig, listen_s: float, prompt: Prompt | None, survey: Survey) -> tuple[Finding, ...]:
+async def examine(
+    config: LabConfig, prompt: Prompt | None, survey: Survey, listen_s: float = 5.0
+) -> tuple[Finding, ...]:
     """Every check there is, in the order an operator can follow. prompt: None skips the moves by hand."""
     await survey.settle()
     survey.received.clear()

@@ -10,8 +10,6 @@ from formation.guidance.preview import Preview
 from formation.maths.arrays import Float, Vec3s
 from formation.model import Vec3Tuple
 
-BEYOND_SHARE = 0.5
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
@@ -38,7 +36,7 @@ class Drawing:
         """The corners (2), (2) of what is shown: the fence, and what is outside of it as far as half its size."""
         low, high = np.array(self.low_m[:2]), np.array(self.high_m[:2])
         points = np.concatenate([self.path, self.swept.reshape(-1, 2), self.slots, [self.leader]])
-        beyond = BEYOND_SHARE * float((high - low).max())
+        beyond = 0.5 * float((high - low).max())
         return (
             np.maximum(np.minimum(points.min(axis=0), low), low - beyond),
             np.minimum(np.maximum(points.max(axis=0), high), high + beyond),
@@ -75,7 +73,6 @@ TALL = 2.0  # a character's height in its widths
 MARGIN = 8
 LEADER, OBSERVED, LEADER_PATH, SLOT_PATH, ORIGIN = "L", "O", "o", ".", "+"
 NAMES = string.digits[1:] + string.ascii_lowercase.replace("o", "") + string.ascii_uppercase.replace("L", "")
-BAR_M = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
 
 
 def text_plan(drawing: Drawing) -> str:
@@ -134,7 +131,8 @@ class _Sheet:
         width = len(self._rows[0])
         left, right = f"{self._high[1]:.1f}", f"{self._low[1]:.1f}"
         below = left + "y m".center(max(width - len(left) - len(right), 3)) + right
-        bar_m = max((m for m in BAR_M if m / self.metres <= 0.4 * width), default=BAR_M[0])
+        round_m = (first * 10.0**power for power in range(-1, 3) for first in (1.0, 2.0, 5.0))
+        bar_m = max((m for m in round_m if m / self.metres <= 0.4 * width), default=0.1)
         bar = "|" + "-" * max(round(bar_m / self.metres) - 1, 1) + f"| {bar_m:g} m"
         return [*drawn, " " * MARGIN + below, " " * MARGIN + bar]
 

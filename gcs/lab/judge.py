@@ -33,13 +33,13 @@ from formation.model import QuatTuple
 from formation.safety.rules_table import STALE_SETPOINT_S
 from formation.trajectory_config import KINDS
 from formation.vehicle.profile import PROFILES, VehicleProfile
-from gcs.finding import Finding, Grade, Keys, vehicle_key
+from gcs.finding import MILLIMETRES_M, Finding, Grade, Keys, vehicle_key
 from gcs.lab.feasibility import judge_feasibility
 from wire.security.bus_access import REMEDY
 
 FENCE, START, ON_TRAJECTORY, LISTED = "fence", "slots at the start", "slots on the trajectory", "listed shapes"
 CLOSE_M = FENCE_INSET_M
-FLOOR_M, FENCE_FAR_M, MILLIMETRES_M = 0.02, 100.0, 50.0
+FLOOR_M, FENCE_FAR_M = 0.02, 100.0
 TURN = "leader.trajectory.yaw_rate_rad_s"
 SECURITY = "security"
 EXPOSED = "not on this machine, and nothing authenticates it"
@@ -340,7 +340,6 @@ UNGUARDED = (
 UNADDRESSED = "a pose has no addressee in MAVLink, so all drones at one end hear the poses of all. Give each its own"
 ROTOR_LEAST, ROTOR_MOST, GYRATION_LEAST = 0.1, 1.2, 0.1
 """Shares of an arm: a propeller's radius (shipped vehicles: 0.41 to 1.0), how far out the mass is (0.33 to 0.65)."""
-W_LAST = (0.0, 0.0, 0.0, 1.0)
 
 
 def judge_wiring(config: LabConfig, keys: Keys) -> Iterator[Finding]:
@@ -416,7 +415,7 @@ def _axes(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     rotations = [("mocap.q_lab_from_mocap", config.mocap.q_lab_from_mocap)]
     rotations += [(vehicle_key(i, "q_marker_from_flu"), v.q_marker_from_flu) for i, v in enumerate(config.vehicles)]
     for key, q in rotations:
-        if q == W_LAST and (key != "mocap.q_lab_from_mocap" or config.mocap.axes is None):
+        if q == (0.0, 0.0, 0.0, 1.0) and (key != "mocap.q_lab_from_mocap" or config.mocap.axes is None):
             yield keys.warn(key, POSES, "half a turn about z; no rotation is [1, 0, 0, 0], as w comes first")
         elif key != "mocap.q_lab_from_mocap" and not (_is_level(q) or _is_level(_product(rotations[0][1], q))):
             why = "a level drone's marker frame would lie on its side, or upside down; `gcs doctor` measures it"

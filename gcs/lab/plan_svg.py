@@ -12,13 +12,12 @@ from formation.maths.arrays import Float
 from gcs.lab.drawing import Drawing
 
 FENCE, LEADER, FOLLOWER = "#8a1c1c", "#1f4e9c", "#d9730d"
-SIDE_IN = 7.0
 
 
 def write_plan(file: Path, drawing: Drawing, subtitle: str) -> None:
     """Write the lab as SVG: x forward is up, y left is to the left. subtitle: the lines under its name. OSError."""
     (x0, y0), (x1, y1) = drawing.low_m[:2], drawing.high_m[:2]
-    fig = Figure(figsize=(SIDE_IN, SIDE_IN), layout="constrained")
+    fig = Figure(figsize=(7.0, 7.0), layout="constrained")
     axes = fig.add_subplot(aspect="equal", xlabel="y left, m", ylabel="x forward, m")
     axes.set_title("\n".join(filter(None, (drawing.name, subtitle, drawing.beyond))), fontsize="medium")
     axes.add_patch(Rectangle((y0, x0), y1 - y0, x1 - x0, ec=FENCE, fc="none", lw=2.0, label="fence", gid="fence"))

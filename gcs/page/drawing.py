@@ -4,7 +4,7 @@ Whatever drones, logs and people said is escaped.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -17,19 +17,12 @@ from gcs.page.scene import Body, Point, Scene
 from gcs.page.show import ABOUT, COLUMNS, LABELS, UNITS, Cell, Level, Show, Step, not_landed_text, worst
 from wire.ground_state import Alarm
 
-MARGIN_M = 0.3
 NEAREST_M = 0.1
-FILLED = 0.92
-"""Share of the picture that the room takes, of its width or its height: names of drones stand outside it."""
-LETTER_PX, LINE_PX = 8.0, 15.0
-"""Of the texts in the pictures, 13 px high in page.css."""
 Row = tuple[float, float, float, float]
 LEADER, FOLLOWER, BAD = "#F0E442", "#56B4E9", "#FF7A33"
 SMALLEST_PX = 7.0
 """Radius of a drone in the picture that can still be seen; a smaller one has a ring of that size around it."""
 CIRCLE = tuple((math.cos(k * math.pi / 12), math.sin(k * math.pi / 12)) for k in range(24))
-DIAGONAL = math.sqrt(0.5)
-AXES: tuple[tuple[str, Point], ...] = (("x", (0.5, 0.0, 0.0)), ("y", (0.0, 0.5, 0.0)))
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom, px."""
 
@@ -59,10 +52,10 @@ class Camera:
         )
 
 
-def above(fence: Fence, width: float, height: float) -> Camera:
+def above(fence: Fence, width: float, height: float, margin_m: float = 0.3) -> Camera:
     """From above: lab x to the right, y up, as large as the fence with a margin allows."""
     (x0, y0, _), (x1, y1, _) = fence.low_m, fence.high_m
-    focal = min(width / (x1 - x0 + 2.0 * MARGIN_M), height / (y1 - y0 + 2.0 * MARGIN_M))
+    focal = min(width / (x1 - x0 + 2.0 * margin_m), height / (y1 - y0 + 2.0 * margin_m))
     right, up = (1.0, 0.0, 0.0, -0.5 * (x0 + x1)), (0.0, 1.0, 0.0, -0.5 * (y0 + y1))
     return Camera(width, height, right, up, (0.0, 0.0, 0.0, 1.0), focal)
 
@@ -87,8 +80,8 @@ class Stand:
         return Stand(self.azimuth_rad, self.elevation_rad, min(max(self.away * factor, 0.3), 2.0))
 
 
-def perspective(fence: Fence, stand: Stand, width: float, height: float) -> Camera:
-    """Looking at the middle of the room."""
+def perspective(fence: Fence, stand: Stand, width: float, height: float, filled: float = 0.92) -> Camera:
+    """Looking at the middle of the room, which fills that share of the picture: names stand outside it."""
     low, high = (*fence.low_m[:2], max(fence.low_m[2], 0.0)), fence.high_m
     mx, my, mz = (0.5 * (a + b) for a, b in zip(low, high, strict=True))
     reach_m = 0.5 * math.dist(low, high)
@@ -102,7 +95,7 @@ def perspective(fence: Fence, stand: Stand, width: float, height: float) -> Came
     usual = Camera(0.0, 0.0, right, up, row(-ca * ce, -sa * ce, -se, away_m), 1.0)
     corners = [usual.project(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
     (left, top), (end, bottom) = ([pick(c[k] for c in corners) for k in (0, 1)] for pick in (min, max))
-    focal = FILLED * min(width / (end - left), height / (bottom - top))
+    focal = filled * min(width / (end - left), height / (bottom - top))
     ahead = row(-ca * ce, -sa * ce, -se, away_m * stand.away)
     across, down = -0.5 * (left + end), 0.5 * (top + bottom)  # puts the room's outline into the middle of the picture
     return Camera(width, height, _sum(right, ahead, across), _sum(up, ahead, down), ahead, focal)
@@ -123,9 +116,17 @@ def still(camera: Camera, fence: Fence) -> str:
     box = [(x, y, z) for x in (x0, x1) for y in (y0, y1) for z in (floor, z1)]
     for i, one in enumerate(box):
         lines += [_line(camera, one, box[j], "fence") for j in range(i) if _differ(one, box[j]) == 1]
-    for name, end in AXES:
-        lines.append(_line(camera, (0.0, 0.0, 0.0), end, "axis") + _text(camera, end, name, "axist"))
+    for name, end, (x, y) in _axes(camera):
+        lines.append(_line(camera, (0.0, 0.0, 0.0), end, "axis"))
+        lines.append(f'<text class="axist" x="{x:.1f}" y="{y:.1f}">{name}</text>')
     return "".join(lines)
+
+
+def _axes(camera: Camera) -> Iterator[tuple[str, Point, tuple[float, float]]]:
+    """Of the lab's x and y, half a metre long: name, end, and where in the picture the name stands."""
+    for name, end in (("x", (0.5, 0.0, 0.0)), ("y", (0.0, 0.5, 0.0))):
+        x, y, _ = camera.project(*end)
+        yield name, end, (x, y - 4.0)
 
 
 def moving(camera: Camera, shown: Scene, crowd: bool = False) -> str:
@@ -135,9 +136,8 @@ def moving(camera: Camera, shown: Scene, crowd: bool = False) -> str:
     """
     parts = [_trail(camera, body) for body in shown.bodies if len(body.trail_lab_m) > 1]
     covered: list[Box] = []
-    for name, end in AXES:
-        x, y, _ = camera.project(*end)
-        _placed(covered, x, y - 4.0, name)
+    for name, _, (x, y) in _axes(camera):
+        _placed(covered, x, y, name)
     for body in shown.bodies:
         x, y, scale = camera.project(*body.pos_lab_m)
         r = max(0.5 * body.size_m * scale, SMALLEST_PX)
@@ -185,12 +185,13 @@ def _placed(covered: list[Box], x: float, y: float, text: str, past: float = 0.0
 
     past: the radius of what it names, px, from which y is a line's height down: it may stand above it or beside it.
     """
-    half = 0.5 * LETTER_PX * len(text)
-    up, aside = -2.0 * past - 1.2 * LINE_PX, half + past + LETTER_PX
+    letter_px, line_px = 8.0, 15.0  # of texts that are 13 px high in page.css
+    half = 0.5 * letter_px * len(text)
+    up, aside = -2.0 * past - 1.2 * line_px, half + past + letter_px
     beside = [(0.0, up), (aside, 0.5 * up), (-aside, 0.5 * up)]
-    away = [(0.0, sign * k * LINE_PX) for k in range(1, 6) for sign in (1.0, -1.0)]
+    away = [(0.0, sign * k * line_px) for k in range(1, 6) for sign in (1.0, -1.0)]
     for dx, dy in ((0.0, 0.0), *beside, *away):
-        box = (x + dx - half, y + dy - 0.8 * LINE_PX, x + dx + half, y + dy + 0.2 * LINE_PX)
+        box = (x + dx - half, y + dy - 0.8 * line_px, x + dx + half, y + dy + 0.2 * line_px)
         if not any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in covered):
             covered.append(box)
             return x + dx, y + dy
@@ -203,7 +204,7 @@ def _drone(camera: Camera, body: Body, covered: list[Box] | None) -> str:
     covered: where other texts are; None for a drone that is not named.
     """
     arm = 0.5 * body.size_m
-    d = DIAGONAL * arm
+    d = math.sqrt(0.5) * arm
     tips = [_tip(camera, body, sx * d, sy * d) for sx, sy in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
     nx, ny, _ = _tip(camera, body, 1.6 * arm, 0.0)
     x, y, scale = camera.project(*body.pos_lab_m)
@@ -267,11 +268,6 @@ def _ring(camera: Camera, point: Point, radius_m: float, name: str) -> str:
     return f'<polygon class="{name}" points="{ring}"/>'
 
 
-def _text(camera: Camera, point: Point, text: str, name: str) -> str:
-    x, y, _ = camera.project(*point)
-    return f'<text class="{name}" x="{x:.1f}" y="{y - 4:.1f}">{escape(text)}</text>'
-
-
 _MARK = {Level.CALM: "", Level.WARN: "▲ ", Level.BAD: "✖ "}
 _CLASS = {Level.CALM: "", Level.WARN: ' class="warn"', Level.BAD: ' class="bad"'}
 
@@ -291,7 +287,10 @@ def head(shown: Show) -> str:
 
 def vital(shown: Show) -> str:
     """The machines in short."""
-    return "".join(f"<div><i>{escape(name)}</i>{_span(cell)}</div>" for name, cell in shown.vital)
+    return "".join(
+        f"<div><i>{escape(name)}</i><span{_CLASS[cell.level]}>{_MARK[cell.level]}{escape(cell.text)}</span></div>"
+        for name, cell in shown.vital
+    )
 
 
 def table(shown: Show) -> str:
@@ -361,10 +360,6 @@ def _event(alarm: Alarm) -> str:
 
 def _cell(cell: Cell) -> str:
     return f"<td{_CLASS[cell.level]}>{_MARK[cell.level]}{escape(cell.text)}</td>"
-
-
-def _span(cell: Cell) -> str:
-    return f"<span{_CLASS[cell.level]}>{_MARK[cell.level]}{escape(cell.text)}</span>"
 
 
 def plain(text: str) -> str:

@@ -10,8 +10,6 @@ from formation.messages import Phase
 from wire.ground_state import DroneState, GroundState, ObservedBody
 
 Point = tuple[float, float, float]
-TRAIL = 60
-TRAIL_STEP_M = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,15 +39,16 @@ class Scene:
 
 
 class Trails:
-    """Where each body has been; a point every two centimetres, the newest sixty."""
+    """Where each body has been: a point every step, the newest of them."""
 
-    def __init__(self) -> None:
+    def __init__(self, step_m: float = 0.02, newest: int = 60) -> None:
+        self._step_m, self._newest = step_m, newest
         self._points: dict[str, deque[Point]] = {}
 
     def add(self, name: str, point: Point) -> tuple[Point, ...]:
         """The trail of a body that is there now."""
-        trail = self._points.setdefault(name, deque(maxlen=TRAIL))
-        if not trail or math.dist(trail[-1], point) >= TRAIL_STEP_M:
+        trail = self._points.setdefault(name, deque(maxlen=self._newest))
+        if not trail or math.dist(trail[-1], point) >= self._step_m:
             trail.append(point)
         return (*trail, point)
 
@@ -88,7 +87,12 @@ def scene(state: GroundState, config: LabConfig, trails: Trails) -> Scene:
     return Scene(
         tuple(bodies),
         _slots(state, bodies, config),
-        _near_pairs(bodies, 2.0 * separation_m),
+        tuple(
+            (i, j, distance_m)
+            for i, one in enumerate(bodies)
+            for j in range(i)
+            if (distance_m := math.dist(one.pos_lab_m, bodies[j].pos_lab_m)) < 2.0 * separation_m
+        ),
         tuple((body.pos_lab_m, separation_m + 0.3) for body in bodies if not body.seen),
     )
 
@@ -109,13 +113,3 @@ def about(leader_lab_m: Point, yaw_rad: float, slots_lead_m: Sequence[Sequence[f
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     x0, y0, z0 = leader_lab_m
     return tuple((x0 + c * x - s * y, y0 + s * x + c * y, z0 + z) for x, y, z in slots_lead_m)
-
-
-def _near_pairs(bodies: Sequence[Body], within_m: float) -> tuple[tuple[int, int, float], ...]:
-    pairs = []
-    for i, one in enumerate(bodies):
-        for j in range(i):
-            distance_m = math.dist(one.pos_lab_m, bodies[j].pos_lab_m)
-            if distance_m < within_m:
-                pairs.append((i, j, distance_m))
-    return tuple(pairs)

@@ -42,8 +42,7 @@ from wire.transport.zenoh_bus import ZenohBus
 
 FOLDER = Path(__file__).parent / "browser"
 LOOPBACK = "127.0.0.1"
-PORT, PORTS = 8470, 20
-SOURCE_MOST = 80
+PORTS = range(8470, 8490)
 FETCHED_MOST = 8
 """Pages that were fetched by somebody who has not connected yet; the oldest is dropped, and has to be loaded again."""
 WATCH_S = 0.25
@@ -116,7 +115,7 @@ class Page:
     def reject(self, source: str, why: str) -> None:
         """Report a rejected input of somebody else: a line here, and an alarm, at most once a second."""
         now_ns = self._clock.monotonic_ns()
-        self._reject_log.note(plain(source, SOURCE_MOST), why, now_ns)
+        self._reject_log.note(plain(source, 80), why, now_ns)
         for event in self._reject_log.due(now_ns):
             print_event(event)
             self.model.alarms.receive(event, unix_us() * 1e-6)
@@ -184,7 +183,7 @@ class Page:
 def free_port(wanted: int | None) -> int:
     """The port wanted, or the first free one from 8470 on; OSError where it is another's."""
     why = ""
-    for port in range(PORT, PORT + PORTS) if wanted is None else (wanted,):
+    for port in PORTS if wanted is None else (wanted,):
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:

@@ -42,9 +42,9 @@ ERROR_WARN_M, ERROR_BAD_M = 0.05, 0.2
 FENCE_WARN_M = 0.1
 _LANDED = {"ON_GROUND": "floor", "IN_AIR": "air", "TAKEOFF": "rising", "LANDING": "landing"}
 LOST_S = 1.0
+"""After so long without the ground's state, the page says so across everything."""
 MOCAP_LOST_NS = 3_000_000_000
 """A state of the mocap process that is older is not shown: it publishes one a second."""
-"""After so long without the ground's state, the page says so across everything."""
 VERBS = (
     Verb.ARM,
     Verb.TAKE_CONTROL,
@@ -61,7 +61,6 @@ LABELS = {
     Verb.RESUME: "Resume", Verb.HOME: "Home", Verb.HOLD: "Hold", Verb.LAND: "Land", Verb.RESET: "Reset",
     Verb.ACKNOWLEDGE: "Acknowledge", Verb.SHAPE: "Shape", Verb.TRAJECTORY: "Choose",
 }  # fmt: skip
-GB, MB = 1e9, 1e6
 
 
 class Level(IntEnum):
@@ -280,10 +279,10 @@ def vital(state: GroundState, mocap: Mapping[str, Any] | None) -> tuple[tuple[st
     share = state.counters.late_share
     texts.append(("late cycles", Cell(late)))
     texts.append(("frames missed", Cell(f"{share:.0%}", Level.BAD if share > 0.2 else Level.CALM)))
-    text = f"{log.name}, " + ("-" if log.bytes is None else f"{log.bytes / MB:.1f} MB")
+    text = f"{log.name}, " + ("-" if log.bytes is None else f"{log.bytes / 1e6:.1f} MB")
     texts.append(("log", Cell(state.log_trouble or text, Level.BAD if state.log_trouble else Level.CALM)))
     if (free := log.free_bytes) is not None:
-        texts.append(("disk left", Cell(f"{free / GB:.1f} GB", Level.WARN if free < GB else Level.CALM)))
+        texts.append(("disk left", Cell(f"{free / 1e9:.1f} GB", Level.WARN if free < 1e9 else Level.CALM)))
     return tuple(texts)
 
 

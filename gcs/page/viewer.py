@@ -21,9 +21,6 @@ from gcs.security.page_logins import Visitor
 
 Ask = Callable[[Verb, str, Visitor | None], Awaitable[OperatorReply]]
 
-WIDE, HIGH = 640.0, 540.0
-PANEL_LEAST_PX = 50.0
-MANY = 8
 ANSWER_FOR = 150
 """Beats: an answer of 15 s ago is no answer to what is seen now."""
 KEYS = (Verb.STOP, Verb.HOLD, Verb.LAND)
@@ -44,10 +41,10 @@ class Viewer:
         self._answered: int | None = None
         """The beat of the last answer that is shown."""
         fence = model.config.limits.fence
-        self._crowd = len(model.config.commanded) > MANY
-        self._sizes = ((WIDE, HIGH), (WIDE, HIGH))
+        self._crowd = len(model.config.commanded) > 8
+        self._sizes = ((640.0, 540.0), (640.0, 540.0))
         """Of the two rooms' panels, px, as the browser reports them."""
-        self._above = above(fence, WIDE, HIGH)
+        self._above = above(fence, *self._sizes[1])
         with ui.element("main").classes("page"):
             with ui.element("header").classes("head"):
                 self._head = ui.html(sanitize=False).classes("headwords")
@@ -221,7 +218,7 @@ class Viewer:
     def _resize(self, sizes: Any) -> None:
         """The panels have other sizes now: the room fills each."""
         with _browsers_words():
-            wide3, high3, wide2, high2 = (max(moved_px(size), PANEL_LEAST_PX) for size in sizes)
+            wide3, high3, wide2, high2 = (max(moved_px(size), 50.0) for size in sizes)
             self._sizes = ((wide3, high3), (wide2, high2))
             self._draw_still()
 

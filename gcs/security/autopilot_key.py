@@ -23,8 +23,6 @@ from wire.security.private_keys import (
 )
 from wire.transport.serial_link import device_and_baud
 
-TIMES = 2
-"""It is not acknowledged, so it is sent more than once, as MAVLink's guide asks."""
 LINK = 1
 """A stream of its own: an autopilot whose stamps are ahead of the clock would take the ground's for replayed ones."""
 PRESENT_S, TURN_S = 5.0, 0.05
@@ -79,7 +77,7 @@ def _await_autopilot(port: serial.Serial, probe: SigningProbe, line: str) -> Non
 
 
 def _send(port: serial.Serial, sysid: int, key: bytes, old: SigningChannel | None) -> None:
-    for seq in range(TIMES):
+    for seq in range(2):  # it is not acknowledged, so MAVLink's guide asks for more than one
         message = setup_signing(sysid, DRONE_COMPONENT, key, stamp_at(clock.unix_us()), seq)
         port.write(message if old is None else message + old.sign(message, clock.unix_us()))
     port.flush()

@@ -28,6 +28,8 @@ END = struct.pack("<BQI", Opcode.DATA_END, 4, 0) + struct.pack("<BQ20x", Opcode.
 """What makes a log of a head."""
 HEAD_EVERY = 25
 """Chunks: half a second in flight."""
+QUEUED = 64
+"""Chunks that wait at who listens; then the oldest are lost."""
 
 
 class Bus(Protocol):

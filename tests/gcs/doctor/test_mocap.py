@@ -143,5 +143,5 @@ def test_without_a_camera_nobody_is_asked_to_move_a_drone():
     async def asked(text: str) -> None:
         raise AssertionError(text)
 
-    found = asyncio.run(examine(_lab(), 0.0, asked, cast("Survey", Blind())))
+    found = asyncio.run(examine(_lab(), asked, cast("Survey", Blind()), 0.0))
     assert {(f.check, f.found) for f in found} == {("frames", "0 frames"), ("axes", "not measured")}

@@ -105,7 +105,7 @@ async def _round(
             async with asyncio.timeout(60.0):
                 while not all(link.sequence.duplicate(clock.monotonic_ns()) for link in survey.drones.values()):
                     await asyncio.sleep(0.1)
-            findings = await examine(config, 2.0, room.obey, survey)
+            findings = await examine(config, room.obey, survey, 2.0)
             twin.terminate()  # of two that answer one name, the value of before may come after the new one
             await asyncio.to_thread(twin.wait)
             fixed = await survey.write(Fix(2, "COM_OF_LOSS_T", 0.75))

@@ -47,7 +47,7 @@ def run(*words: str) -> "subprocess.CompletedProcess[str]":
         ("gcs", "doctor", "LAB", "--still"),
         ("gcs", "page", "LAB"),
         ("gcs", "mocap", "FAR"),
-        ("gcs", "live", "FAR", "--save", "x.rrd"),
+        ("gcs", "live", "FAR"),
         ("drone_agent", "--config", "DRONE"),
         ("drone_agent", "--config", "DRONE", "--link", "udp"),
         ("drone_agent", "--bridge", "udpin:0.0.0.0:14777"),

@@ -207,11 +207,6 @@ class GuardCore:
         return outgoing
 
     @property
-    def rejects_poses(self) -> bool:
-        """Whether it holds by the inertial sensors alone, since the poses are faulty."""
-        return self._feed.is_rejecting
-
-    @property
     def has_autopilot(self) -> bool:
         """Whether a heartbeat of the drone's autopilot has come."""
         return self._table is not None

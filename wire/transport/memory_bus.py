@@ -14,12 +14,6 @@ NOTHING_DUE_NS = 2**63 - 1
 DelayModel = Callable[[], int | None]
 
 
-def fixed_delay(delay_s: float) -> DelayModel:
-    """Every item takes `delay_s`, none is lost."""
-    delay_ns = round(delay_s * 1e9)
-    return lambda: delay_ns
-
-
 def random_delay(delay_s: float, jitter_s: float, loss: float, rng: np.random.Generator) -> DelayModel:
     """`delay_s` plus an exponential tail of mean `jitter_s`; each item is lost with probability `loss`."""
 

@@ -5,14 +5,13 @@ from formation.messages import Datagram
 from sim.faults.channel import OVERTAKEN_NS, Channel, Sent
 from sim.faults.fault import Family, Fault
 from sim.faults.queue import DueQueue
-from wire.transport.memory_bus import fixed_delay
 
 MS = 1_000_000
 DELAY_S = 0.004
 
 
 def channel() -> Channel:
-    return Channel(fixed_delay(DELAY_S), np.random.default_rng(1))
+    return Channel(lambda: round(DELAY_S * 1e9), np.random.default_rng(1))
 
 
 def sent(family: Family, severity: float, count: int = 400) -> list[tuple[int, int, bytes]]:

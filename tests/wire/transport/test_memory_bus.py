@@ -5,13 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation.messages import Datagram
-from wire.transport.memory_bus import NOTHING_DUE_NS, MemoryLink, fixed_delay, random_delay
+from wire.transport.memory_bus import NOTHING_DUE_NS, MemoryLink, random_delay
 
 DATAGRAM = Datagram(1, b"x")
 
 
 def test_what_is_pushed_comes_out_after_the_delay():
-    link = MemoryLink[Datagram](fixed_delay(0.008))
+    link = MemoryLink[Datagram](lambda: 8_000_000)
     assert link.next_due_ns == NOTHING_DUE_NS
     link.push(100, DATAGRAM)
     assert link.next_due_ns == 8_000_100

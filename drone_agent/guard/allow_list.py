@@ -85,20 +85,6 @@ PAST_CHECKS = "arming past the autopilot's checks"
 
 POSES = frozenset({MessageId.VISION_POSITION_ESTIMATE, MessageId.ATT_POS_MOCAP, MessageId.ODOMETRY})
 """Poses that a ground sends: those of the bridge take their place."""
-READS = frozenset(
-    {
-        MessageId.HEARTBEAT,
-        MessageId.SET_MODE,
-        MessageId.GPS_GLOBAL_ORIGIN,
-        MessageId.COMMAND_LONG,
-        MessageId.COMMAND_INT,
-        MessageId.COMMAND_ACK,
-        MessageId.TIMESYNC,
-        MessageId.HIGHRES_IMU,
-        MessageId.ATTITUDE_QUATERNION,
-    }
-)
-"""Read by the bridge beside setpoints and poses."""
 SETS_MODE = frozenset(
     {
         MavCommand.NAV_RETURN_TO_LAUNCH,

@@ -7,13 +7,13 @@ where some have ended here.
 """
 
 import math
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from drone_agent.guard import estimate, position
-from drone_agent.guard.allow_list import POSES, READS, SETS_MODE, list_reject_reason
+from drone_agent.guard.allow_list import POSES, SETS_MODE, list_reject_reason
 from drone_agent.guard.config import GuardConfig
 from drone_agent.guard.estimate import LACKS, BodyEstimate, BodyFeed, InertialStream
 from drone_agent.guard.failsafe import (
@@ -144,7 +144,13 @@ class GuardCore:
                 if reject_reason:
                     self._setpoints.rejections.note(frame.source.words, reject_reason, now_ns)
                     continue
-            if not self._intercept_from_ground(frame, now_ns):
+            if frame.number in POSES:
+                ends = self._feed.is_rejecting or self._feed.fresh(now_ns)
+            elif frame.number in SETPOINTS:
+                ends = self._filter_setpoint(frame, now_ns)
+            else:
+                ends = self._ends(_FROM_GROUND, frame)
+            if not ends:
                 self._to_autopilot.append(frame)
         self._update_due()
 
@@ -153,7 +159,7 @@ class GuardCore:
         self._now_ns = now_ns
         for frame in frames:
             ended = self._intercepted.get(frame.source, 0)
-            if self._intercept_from_autopilot(frame, now_ns):
+            if self._is_stranger(frame.source.system) or self._ends(_FROM_AUTOPILOT, frame):
                 self._intercepted[frame.source] = ended + 1
             else:
                 self._to_ground.append(renumbered(frame, frame.seq - ended) if ended else frame.data)
@@ -224,27 +230,16 @@ class GuardCore:
         takeover_ns = self._takeover.deadline_ns()
         self.due_ns = self._beat_ns if takeover_ns is None else min(self._beat_ns, takeover_ns)
 
-    def _intercept_from_ground(self, frame: Frame, now_ns: int) -> bool:
-        """Note what matters; True for a frame that ends here."""
-        if frame.number in POSES:
-            return self._feed.is_rejecting or self._feed.fresh(now_ns)
-        if frame.number in SETPOINTS:
-            return self._filter_setpoint(frame, now_ns)
-        if frame.number not in READS:
+    def _ends(self, table: "Mapping[int, _Handler]", frame: Frame) -> bool:
+        """Whether a frame ends here, by the table of the side that it comes from; what the table has not passes."""
+        handler = table.get(frame.number)
+        if handler is None:
             return False
         try:
             message = read_message(frame)
         except MavlinkError:
             return False
-        if isinstance(message, CommandLong | CommandInt):
-            return self._intercept_command(frame.source, message, now_ns)
-        if isinstance(message, SetMode):
-            self._mode_unknown()
-        elif isinstance(message, TimeSync) and message.target.component == BRIDGE_COMPONENT and message.tc1_ns:
-            clock = self._setpoints.setpoint_filter.sender(frame.source).clock
-            clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, now_ns - self._t0_ns)
-            return True
-        return False
+        return handler(self, frame.source, message)
 
     def _filter_setpoint(self, frame: Frame, now_ns: int) -> bool:
         """Pass on a setpoint that is obeyed, within bounds."""
@@ -270,45 +265,62 @@ class GuardCore:
             self._report(*BACK)
         return True
 
-    def _intercept_command(self, source: Address, message: CommandLong | CommandInt, now_ns: int) -> bool:
-        """Note what a command may change; those that are this process's own to answer end here."""
-        if message.command == MavCommand.REQUEST_OPERATOR_CONTROL:
-            stage = self._takeover.hand_over(source, message.params[1] == 1.0, now_ns)
-            if stage is Stage.HOLD:
-                self._report(*NEW_OWNER)
-                self._hold.begin(now_ns)
-            self._answer(source, message.command, Result.ACCEPTED)
-            return True
-        if isinstance(message, CommandLong) and self._inertial.requested(message):
-            self._answer(source, message.command, Result.ACCEPTED)
-            return True
-        if message.command == MavCommand.NAV_LAND and self._lands(now_ns):
-            self._answer(source, message.command, Result.ACCEPTED)
-            return True
-        action, force = message.params[0], message.params[1]
-        if message.command == MavCommand.COMPONENT_ARM_DISARM:
-            if action == 1.0 and self._takeover.stream.stage is Stage.STOPPED:
-                self._takeover.stop(now_ns)  # who goes on asking as before the stop does not know of it
-                self._report(Severity.CRITICAL, f"Arm refused: {STOPPED}")
-                self._answer(source, message.command, Result.TEMPORARILY_REJECTED)
-                return True
-            stops = action == 0.0 and force == DISARM_IN_FLIGHT
-        else:
-            stops = message.command == MavCommand.DO_FLIGHTTERMINATION and action > 0.5
-        if stops and "stop-latch" not in self._without:
-            self._takeover.stop(now_ns)
-        if message.command in SETS_MODE:
+    def _read_command(self, source: Address, message: CommandLong | CommandInt) -> bool:
+        """A command ends here with this process's own answer, or may change the mode."""
+        handler = _COMMANDS.get(message.command)
+        answer = None if handler is None else handler(self, source, message)
+        if answer is not None:
+            self._answer(source, message.command, answer)
+        elif message.command in SETS_MODE:
             self._mode_unknown()
-        return False
+        return answer is not None
 
-    def _lands(self, now_ns: int) -> bool:
-        """Whether this process lands the body itself, as commanded: it brakes by an estimate from before the fault."""
+    def _operator_control(self, source: Address, message: CommandLong | CommandInt) -> Result:
+        stage = self._takeover.hand_over(source, message.params[1] == 1.0, self._now_ns)
+        if stage is Stage.HOLD:
+            self._report(*NEW_OWNER)
+            self._hold.begin(self._now_ns)
+        return Result.ACCEPTED
+
+    def _message_interval(self, _source: Address, message: CommandLong | CommandInt) -> Result | None:
+        ours = isinstance(message, CommandLong) and self._inertial.requested(message)
+        return Result.ACCEPTED if ours else None
+
+    def _land_command(self, _source: Address, _message: CommandLong | CommandInt) -> Result | None:
+        """Land the body here where its poses are faulty: this process brakes by an estimate from before the fault."""
         stage = self._takeover.stream.stage
         own = self._takeover.descends_alone if stage is Stage.DESCEND else self._feed.is_rejecting
-        if not own or not self._takeover.on_fault(Trigger.LAND_COMMAND, now_ns):
-            return False
+        if not own or not self._takeover.on_fault(Trigger.LAND_COMMAND, self._now_ns):
+            return None
         if stage is Stage.HOLD:
             self._report(*LANDS_ITSELF)
+        return Result.ACCEPTED
+
+    def _arm_or_stop(self, _source: Address, message: CommandLong | CommandInt) -> Result | None:
+        action, force = message.params[0], message.params[1]
+        if action == 1.0 and self._takeover.stream.stage is Stage.STOPPED:
+            self._takeover.stop(self._now_ns)  # who goes on asking as before the stop does not know of it
+            self._report(Severity.CRITICAL, f"Arm refused: {STOPPED}")
+            return Result.TEMPORARILY_REJECTED
+        self._latch_stop(action == 0.0 and force == DISARM_IN_FLIGHT)
+        return None
+
+    def _terminate(self, _source: Address, message: CommandLong | CommandInt) -> None:
+        self._latch_stop(message.params[0] > 0.5)
+
+    def _latch_stop(self, stops: bool) -> None:
+        if stops and "stop-latch" not in self._without:
+            self._takeover.stop(self._now_ns)
+
+    def _read_set_mode(self, _source: Address, _message: SetMode) -> bool:
+        self._mode_unknown()
+        return False
+
+    def _read_ground_clock(self, source: Address, message: TimeSync) -> bool:
+        if message.target.component != BRIDGE_COMPONENT or not message.tc1_ns:
+            return False
+        clock = self._setpoints.setpoint_filter.sender(source).clock
+        clock.exchange(message.ts1_ns - self._t0_ns, message.tc1_ns, self._now_ns - self._t0_ns)
         return True
 
     def _answer(self, source: Address, command: int, result: Result) -> None:
@@ -322,49 +334,54 @@ class GuardCore:
             self._to_ground.append(renumbered(frame, self._passed_seq))
             self._intercepted[self._target] = self._intercepted.get(self._target, 0) - 1
 
-    def _intercept_from_autopilot(self, frame: Frame, now_ns: int) -> bool:
-        if frame.source.system != self._config.sysid:
-            self._report_stranger(frame.source.system)
-            return True
-        if frame.number not in READS:
+    def _is_stranger(self, system: int) -> bool:
+        """Whether a frame of the autopilot's link is another system's; each of them is reported once."""
+        if system == self._config.sysid:
             return False
-        try:
-            message = read_message(frame)
-        except MavlinkError:
-            return False
-        if isinstance(message, Heartbeat) and frame.source.component == DRONE_COMPONENT:
-            self._read_heartbeat(message)
-        elif isinstance(message, Origin):
-            self._lacks_origin = False
-        elif isinstance(message, CommandAck) and message.target.component == BRIDGE_COMPONENT:
+        if system not in self._strangers:
+            self._strangers.add(system)
+            self._report(Severity.ERROR, f"The autopilot says it is system {system}, not {self._config.sysid}")
+        return True
+
+    def _read_origin(self, _source: Address, _message: Origin) -> bool:
+        self._lacks_origin = False
+        return False
+
+    def _read_ack(self, _source: Address, message: CommandAck) -> bool:
+        if message.target.component == BRIDGE_COMPONENT:
             self._takeover.acknowledged(message)
             self._inertial.answered(message)
             return True
-        elif isinstance(message, CommandAck) and message.command in SETS_MODE:
+        if message.command in SETS_MODE:
             # Its next heartbeat by itself may be a second away, and until it is here nothing is guarded.
             self._send_autopilot(command_long(self._target, MavCommand.REQUEST_MESSAGE, float(MessageId.HEARTBEAT)))
-        elif isinstance(message, InertialSample):
-            self._inertial.receive_sample(message, now_ns)
-            self._act_on_faults()
-            return not self._inertial.passes
-        elif isinstance(message, AttitudeQuaternion):
-            self._inertial.receive_attitude(message, now_ns)
-            self._act_on_faults()
-        elif isinstance(message, TimeSync) and message.tc1_ns:
-            ours = self._inertial.sync.answers(message)
-            self._inertial.sync.receive(message, now_ns)
-            self._report_rate_offset()
-            return ours
-        elif isinstance(message, TimeSync):
-            # Its poses come from here, so the clock it holds them against must be ours.
-            self._send_autopilot(TimeSync(max(now_ns, 1), message.ts1_ns, frame.source))  # zero would be a request
-            return True
         return False
 
-    def _read_heartbeat(self, beat: Heartbeat) -> None:
-        table = _TABLES.get(beat.autopilot)
+    def _read_sample(self, _source: Address, message: InertialSample) -> bool:
+        self._inertial.receive_sample(message, self._now_ns)
+        self._act_on_faults()
+        return not self._inertial.passes
+
+    def _read_attitude(self, _source: Address, message: AttitudeQuaternion) -> bool:
+        self._inertial.receive_attitude(message, self._now_ns)
+        self._act_on_faults()
+        return False
+
+    def _read_autopilot_clock(self, source: Address, message: TimeSync) -> bool:
+        if not message.tc1_ns:
+            # Its poses come from here, so the clock it holds them against must be ours.
+            stamp_ns = max(self._now_ns, 1)  # zero would be a request
+            self._send_autopilot(TimeSync(stamp_ns, message.ts1_ns, source))
+            return True
+        ours = self._inertial.sync.answers(message)
+        self._inertial.sync.receive(message, self._now_ns)
+        self._report_rate_offset()
+        return ours
+
+    def _read_heartbeat(self, source: Address, beat: Heartbeat) -> bool:
+        table = _TABLES.get(beat.autopilot) if source.component == DRONE_COMPONENT else None
         if table is None:
-            return
+            return False
         silent_ns, self._received_ns = self._now_ns - self._received_ns, self._now_ns
         if self._table is not table or silent_ns > _SILENT_NS:
             self._lacks_origin = table.needs_origin
@@ -376,6 +393,7 @@ class GuardCore:
         self._takeover.saw(self._now_ns, armed=beat.armed, offboard=offboard)
         if not self._takeover.is_flown_by_setpoints:
             self._note_command(math.nan)
+        return False
 
     def _act(self, turn: Turn) -> None:
         """Carry out what the fail-safe asks for."""
@@ -454,11 +472,6 @@ class GuardCore:
             self._rate_offset_reported = True
             self._report(Severity.WARNING, f"Autopilot's {rate_offset_text(rate_offset)}")
 
-    def _report_stranger(self, system: int) -> None:
-        if system not in self._strangers:
-            self._strangers.add(system)
-            self._report(Severity.ERROR, f"The autopilot says it is system {system}, not {self._config.sysid}")
-
     def _report(self, severity: Severity, text: str) -> None:
         self._send_ground(StatusText(severity, text))
         self._events.append(Event(severity, f"uav{self._config.sysid}", text))
@@ -468,6 +481,33 @@ class GuardCore:
 
     def _send_autopilot(self, message: LinkMessage) -> None:
         self._to_autopilot += self._codec.frames(message)
+
+
+_Handler = Callable[[GuardCore, Address, Any], bool]
+_FROM_GROUND: Mapping[int, _Handler] = {
+    MessageId.COMMAND_LONG: GuardCore._read_command,
+    MessageId.COMMAND_INT: GuardCore._read_command,
+    MessageId.SET_MODE: GuardCore._read_set_mode,
+    MessageId.TIMESYNC: GuardCore._read_ground_clock,
+}
+"""By message id, beside setpoints and poses: acts on a message, and returns whether its frame ends here."""
+_FROM_AUTOPILOT: Mapping[int, _Handler] = {
+    MessageId.HEARTBEAT: GuardCore._read_heartbeat,
+    MessageId.GPS_GLOBAL_ORIGIN: GuardCore._read_origin,
+    MessageId.COMMAND_ACK: GuardCore._read_ack,
+    MessageId.HIGHRES_IMU: GuardCore._read_sample,
+    MessageId.ATTITUDE_QUATERNION: GuardCore._read_attitude,
+    MessageId.TIMESYNC: GuardCore._read_autopilot_clock,
+}
+"""The same of the autopilot's side."""
+_COMMANDS: Mapping[int, Callable[[GuardCore, Address, CommandLong | CommandInt], Result | None]] = {
+    MavCommand.REQUEST_OPERATOR_CONTROL: GuardCore._operator_control,
+    MavCommand.SET_MESSAGE_INTERVAL: GuardCore._message_interval,
+    MavCommand.NAV_LAND: GuardCore._land_command,
+    MavCommand.COMPONENT_ARM_DISARM: GuardCore._arm_or_stop,
+    MavCommand.DO_FLIGHTTERMINATION: GuardCore._terminate,
+}
+"""By their numbers the commands that the guard acts on: its own answer to one, or None where the autopilot answers."""
 
 
 def warm_up() -> None:

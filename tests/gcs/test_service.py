@@ -13,9 +13,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from numba import config
 from typer.testing import CliRunner
 
-from formation.maths import kernel
 from gcs.cli.app import app
 from tests.gcs.bus import a_lab
 from wire.config_file import dump
@@ -63,7 +63,7 @@ def test_a_unit_runs_in_a_read_only_system_without_a_home(
     units: dict[str, str], tmp_path: Path, name: str, awaited: set[str]
 ) -> None:
     (command,) = re.findall(r"^ExecStart=(.*)", units[name], re.MULTILINE)
-    cache = kernel.folder.parent  # as compiled before: a unit's own is filled at its first start
+    cache = Path(config.CACHE_DIR).parent  # as compiled before: a unit's own is filled at its first start
     with manager(tmp_path) as listener:
         env = {"PATH": os.environ["PATH"], "NUMBA_CACHE_DIR": str(cache), "NOTIFY_SOCKET": str(tmp_path / "notify")}
         script = f'{READ_ONLY}; cd "$1" && exec {command}'

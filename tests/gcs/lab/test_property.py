@@ -1,72 +1,16 @@
-"""Whatever lab is accepted is flown inside its fence, apart and within its speed: references computed here anew.
-
-The oracle is written from the README's table of trajectories, and knows nothing of the code it judges.
-"""
-
-from itertools import pairwise
+"""Any lab that the judge accepts, looked at five times as finely as the judge does, and bodies one by one."""
 
 import numpy as np
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from formation.config import LabConfig
+from formation.guidance.preview import expected_start, preview, trajectory_from
+from formation.guidance.shape import configured
 from gcs.finding import failed
 from gcs.lab.judge import judge
-from tests.formation.oracles import guidance
 
 INSIDE_M = 2e-3  # between two looks of the judge, 0.05 s apart, a way may bulge by so much
-
-
-def turned(t, rate, ramp_s, duration_s):
-    return np.array([guidance.ramped(at, rate, ramp_s, duration_s)[0] for at in t])
-
-
-def legs(t, points, times):
-    """From rest to rest through points at their times."""
-    at = np.repeat(np.array(points[0], float)[None], len(t), axis=0)
-    for a, b, t0, t1 in zip(points, points[1:], times, times[1:], strict=False):
-        at += guidance.STEP(np.clip((t - t0) / (t1 - t0), 0.0, 1.0))[:, None] * (
-            np.array(b, float) - np.array(a, float)
-        )
-    return at
-
-
-def references(config: LabConfig):
-    """Times (k), leader (k, 3) and slots (k, n, 3) for a leader that starts where the file says."""
-    path = config.leader.trajectory
-    start = np.array([*config.leader.spawn_lab_m[:2], config.flight.altitude_m])
-    laps = path.laps
-    if path.kind == "circle":
-        laps = laps or max(1, round(path.duration_s / path.period_s))
-        ramp_s = min(3.0, path.period_s / 4.0)
-        duration_s = laps * path.period_s + ramp_s
-        t = np.linspace(0.0, duration_s, 201)
-        angle = turned(t, 2.0 * np.pi / path.period_s, ramp_s, duration_s)
-        at = np.column_stack([path.radius_m * np.cos(angle), path.radius_m * np.sin(angle), np.full(len(t), start[2])])
-    else:
-        if path.kind == "waypoints":
-            points = [start, *(path.waypoints_m * (laps or 1))]
-            far = [np.linalg.norm(np.subtract(b, a)) for a, b in pairwise(points)]
-            times = np.concatenate([[0.0], np.cumsum([max(1.875 * d / path.speed_m_s, 0.5) for d in far])])
-        elif path.kind == "line":
-            end = start + np.array([path.length_m, 0.0, 0.0])
-            points = [start, end] if laps is None else [start, *[end, start] * laps]
-            times = path.duration_s * np.arange(len(points))
-        else:
-            points, times = [start, start], np.array([0.0, path.duration_s])
-        duration_s = float(times[-1])
-        t = np.linspace(0.0, duration_s, 201)
-        at = legs(t, points, times)
-    yaw = config.leader.spawn_yaw_rad + turned(t, path.yaw_rate_rad_s, min(2.0, duration_s / 2.0), duration_s)
-    c, s = np.cos(yaw), np.sin(yaw)
-    slots = np.stack(
-        [
-            at + np.column_stack([c * x - s * y, s * x + c * y, np.full(len(t), z)])
-            for x, y, z in (f.offset_m for f in config.followers)
-        ],
-        axis=1,
-    )
-    return t, at, slots
 
 
 def metres(low: float, high: float):
@@ -114,8 +58,10 @@ def test_an_accepted_lab_stays_inside_apart_and_slow_enough(drawn) -> None:
         }
     )  # fmt: skip
     assume(not failed(judge(config)))
-    t, leader, slots = references(config)
-    everybody = np.concatenate([leader[:, None], slots], axis=1)
+    start = expected_start(config)
+    coarse = preview(trajectory_from(config, start), configured(config), start)
+    ahead = preview(trajectory_from(config, start), configured(config), start, samples=5 * len(coarse.t_s))
+    everybody = np.concatenate([ahead.leader[:, None, 0, :3], ahead.slots[:, :, 0]], axis=1)
     low, high = np.array(config.limits.fence.low_m), np.array(config.limits.fence.high_m)
     assert (everybody > low - INSIDE_M).all()
     assert (everybody < high + INSIDE_M).all()
@@ -123,5 +69,5 @@ def test_an_accepted_lab_stays_inside_apart_and_slow_enough(drawn) -> None:
     apart = np.linalg.norm(everybody[:, :, None] - everybody[:, None], axis=-1)
     apart[:, np.arange(apart.shape[1]), np.arange(apart.shape[1])] = np.inf
     assert apart.min() >= config.limits.min_separation_m - 1e-6
-    speed = np.linalg.norm(np.diff(everybody, axis=0), axis=-1) / np.diff(t)[:, None]
+    speed = np.linalg.norm(np.diff(everybody, axis=0), axis=-1) / np.diff(ahead.t_s)[:, None]
     assert speed.max() <= config.limits.speed_m_s * 1.01

@@ -8,18 +8,16 @@ from typing import Annotated, Any, Literal, Protocol, Self
 
 from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
+from formation.link_config import LinkConfig as LinkConfig
 from formation.mocap_config import MocapConfig as MocapConfig
 from formation.model import (
     NO_ROTATION,
-    Endpoint,
     GlobePoint,
-    Host,
     Model,
     Name,
     NoFlag,
     Number,
     OwnLink,
-    PortBase,
     Positive,
     SysId,
     Tilt,
@@ -29,7 +27,7 @@ from formation.model import (
 )
 from formation.names import unknown
 from formation.requests import CONFIGURED as CONFIGURED
-from formation.requests import ENDPOINT, LAB
+from formation.requests import LAB
 from formation.security_config import SecurityConfig
 from formation.trajectory_config import TrajectoryConfig as TrajectoryConfig
 from formation.vehicle.profile import VehicleProfile, on_base, profile
@@ -199,48 +197,6 @@ class FlightConfig(Model):
     """Largest speed at which slots are taken up and changed."""
     observed_leader_altitude_offset_m: Number = 0.0
     """Height of the formation above a leader that is only observed."""
-
-
-class LinkConfig(Model):
-    """How drones are reached: one Zenoh bus, or one UDP socket a drone (base ports plus sysid).
-
-    imu_rate_hz: of HIGHRES_IMU, by which a push is known before it moves the drone; 0: not asked for.
-    """
-
-    kind: Literal["zenoh", "udp"] = "zenoh"
-    """Transport of MAVLink for drones without a `link` of their own."""
-    host: Host = "127.0.0.1"
-    """Host of the drones on UDP."""
-    ground_port_base: PortBase = 14540
-    """UDP port of the ground for a drone: base plus sysid."""
-    drone_port_base: PortBase = 14580
-    """UDP port of a drone: base plus sysid."""
-    zenoh_listen: tuple[Endpoint, ...] = ()
-    """Endpoints at which the ground listens on the bus."""
-    zenoh_connect: tuple[Endpoint, ...] = (ENDPOINT,)
-    """Endpoints of the bus to which every program connects; where only `zenoh_listen` is given, that."""
-    imu_rate_hz: Annotated[float, NoFlag, Field(ge=0.0, le=250.0)] = 0.0
-
-    @model_validator(mode="before")
-    @classmethod
-    def _connect_where_it_listens(cls, values: Any) -> Any:
-        alone = isinstance(values, dict) and values.get("zenoh_listen") and "zenoh_connect" not in values
-        return {**values, "zenoh_connect": ()} if alone else values
-
-    @property
-    def joined(self) -> "LinkConfig":
-        """The same bus for a process that does not listen at the lab's own endpoint: where the ground does, join it."""
-        return self.model_copy(update={"zenoh_listen": (), "zenoh_connect": self.zenoh_connect or self.zenoh_listen})
-
-    @property
-    def listening(self) -> "LinkConfig":
-        """The same bus for the process that listens where the others connect."""
-        return self.model_copy(update={"zenoh_listen": self.zenoh_connect, "zenoh_connect": ()})
-
-    @property
-    def names_bus(self) -> bool:
-        """Whether the lab file says where the bus is; where it does not, the ground itself listens."""
-        return not self.model_fields_set.isdisjoint({"zenoh_listen", "zenoh_connect"})
 
 
 class StopButton(Model):

@@ -19,7 +19,6 @@ from formation.vehicle.profile import VehicleProfile, on_base
 from wire.errors import ConfigError as ConfigError
 from wire.errors import Fault as Fault
 from wire.files import read_text, read_toml
-from wire.lab_surroundings import Surroundings
 
 _PART = r"(?:[A-Za-z0-9_-]+|\"[^\"]*\"|'[^']*')"
 _KEY = rf"{_PART}(?:\s*\.\s*{_PART})*"
@@ -135,8 +134,13 @@ def parse_read(values: dict[str, Any], model: type[M], path: Path) -> M:
 
 def parse(values: dict[str, Any], model: type[M], *, source: str, folder: Path | None = None) -> M:
     """The model in `values`; ConfigError, its lines led by `source`. folder: where files that it names are."""
+    context = None
+    if folder is not None:
+        from wire.lab_surroundings import Surroundings  # trajectories and laws, which a drone's process has none of
+
+        context = Surroundings(folder)
     try:
-        return model.model_validate(values, context=None if folder is None else Surroundings(folder))
+        return model.model_validate(values, context=context)
     except ValidationError as error:
         faults = error.errors()
         # Of a list with a bad item pydantic also says that it is too short: the item is the reason.

@@ -6,7 +6,7 @@ from typing import Annotated
 from pydantic import Field
 
 from drone_agent.guard.failsafe import LAND_AFTER_S
-from formation.config import LinkConfig
+from formation.link_config import LinkConfig
 from formation.model import Model, Name, SysId, Vec3Tuple
 from formation.vehicle.profile import VehicleProfile
 

@@ -149,7 +149,7 @@ class GuardCore:
             elif frame.number in SETPOINTS:
                 ends = self._filter_setpoint(frame, now_ns)
             else:
-                ends = self._ends(_FROM_GROUND, frame)
+                ends = self._ends(FROM_GROUND, frame)
             if not ends:
                 self._to_autopilot.append(frame)
         self._update_due()
@@ -159,7 +159,7 @@ class GuardCore:
         self._now_ns = now_ns
         for frame in frames:
             ended = self._intercepted.get(frame.source, 0)
-            if self._is_stranger(frame.source.system) or self._ends(_FROM_AUTOPILOT, frame):
+            if self._is_stranger(frame.source.system) or self._ends(FROM_AUTOPILOT, frame):
                 self._intercepted[frame.source] = ended + 1
             else:
                 self._to_ground.append(renumbered(frame, frame.seq - ended) if ended else frame.data)
@@ -484,14 +484,14 @@ class GuardCore:
 
 
 _Handler = Callable[[GuardCore, Address, Any], bool]
-_FROM_GROUND: Mapping[int, _Handler] = {
+FROM_GROUND: Mapping[int, _Handler] = {
     MessageId.COMMAND_LONG: GuardCore._read_command,
     MessageId.COMMAND_INT: GuardCore._read_command,
     MessageId.SET_MODE: GuardCore._read_set_mode,
     MessageId.TIMESYNC: GuardCore._read_ground_clock,
 }
 """By message id, beside setpoints and poses: acts on a message, and returns whether its frame ends here."""
-_FROM_AUTOPILOT: Mapping[int, _Handler] = {
+FROM_AUTOPILOT: Mapping[int, _Handler] = {
     MessageId.HEARTBEAT: GuardCore._read_heartbeat,
     MessageId.GPS_GLOBAL_ORIGIN: GuardCore._read_origin,
     MessageId.COMMAND_ACK: GuardCore._read_ack,

@@ -459,7 +459,7 @@ def mavlink(_: str = "") -> str:
     accepted = {
         "ground": _ids("gcs.drones.telemetry", "READS", "READS_IF_ASKED"),
         "drone": _ids("drone_agent.link.inbox", "READS"),
-        "bridge": _bridge_reads(),
+        "bridge": _ids("drone_agent.guard.core", "FROM_GROUND", "FROM_AUTOPILOT", "SETPOINTS"),
     }
     sent = {
         "ground": _sent("gcs"),
@@ -494,12 +494,6 @@ def _ids(module: str, *names: str) -> set[int]:
     return found
 
 
-def _bridge_reads() -> set[int]:
-    """Messages that a bridge looks at: classes its modules match or test for."""
-    used = _sent("drone_agent/guard", called=False)
-    return {_number(name) for kind, name in _layouts().items() if kind in used}
-
-
 def _layouts() -> dict[str, str]:
     """The name in MAVLink of each message class that is written."""
     from wire.mavlink.messages import TABLE
@@ -508,8 +502,8 @@ def _layouts() -> dict[str, str]:
     return written | {"StatusText": "STATUSTEXT"}
 
 
-def _sent(*paths: str, called: bool = True) -> set[str]:
-    """Message classes that the modules there make (or, where not called, that they look for)."""
+def _sent(*paths: str) -> set[str]:
+    """Message classes that the modules there make."""
     kinds = set(_layouts()) | {"command_long"}
     found: set[str] = set()
     for relative in paths:
@@ -517,23 +511,7 @@ def _sent(*paths: str, called: bool = True) -> set[str]:
         for file in [path] if path.is_file() else sorted(path.rglob("*.py")):
             tree = ast.parse(file.read_text(encoding="utf-8"))
             made = {n.func.id for n in ast.walk(tree) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)}
-            if called:
-                found |= made & kinds
-            else:
-                matched = {
-                    n.cls.id for n in ast.walk(tree) if isinstance(n, ast.MatchClass) and isinstance(n.cls, ast.Name)
-                }
-                tested = {
-                    a.id
-                    for n in ast.walk(tree)
-                    if isinstance(n, ast.Call) and getattr(n.func, "id", "") == "isinstance"
-                    for a in ast.walk(n.args[1])
-                    if isinstance(a, ast.Name)
-                }
-                keyed = {
-                    k.id for n in ast.walk(tree) if isinstance(n, ast.Dict) for k in n.keys if isinstance(k, ast.Name)
-                }
-                found |= (matched | tested | keyed) & kinds
+            found |= made & kinds
     return found | ({"CommandLong"} if "command_long" in found else set())
 
 

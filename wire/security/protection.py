@@ -7,10 +7,10 @@ import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from formation.exposure import GROUND, is_local_link, is_loopback
 from formation.messages import Event, EventCode, Severity
-from formation.security_config import SecurityConfig
 from wire.errors import ConfigError
 from wire.mavlink.signing import SigningChannel, StampClock
 from wire.process.daemon import EventSink
@@ -29,6 +29,9 @@ from wire.security.private_keys import (
     read_mavlink_keys,
     read_revoked,
 )
+
+if TYPE_CHECKING:
+    from formation.security_config import SecurityConfig
 
 INSECURE = "--insecure: no link is authenticated, whoever reaches this network can command the drones"
 REMIND_S = 60.0
@@ -166,7 +169,7 @@ def protection_of(keys: Path, identity: str) -> Protection:
 
 
 def lab_protection(
-    security: SecurityConfig | None, lab_file: Path, identity: str, *, insecure: bool = False
+    security: "SecurityConfig | None", lab_file: Path, identity: str, *, insecure: bool = False
 ) -> Protection:
     """The protection of a program of the lab in `lab_file`, which is `identity`. ConfigError."""
     if security is not None:

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from formation.config import LinkConfig
 from formation.exposure import is_local_endpoint
+from formation.link_config import LinkConfig
 from formation.messages import Event, Severity
 from formation.requests import OperatorReply, OperatorRequest, Verb
 from wire import clock

@@ -14,8 +14,8 @@ import socket
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from formation.config import LinkConfig
 from formation.exposure import is_loopback
+from formation.link_config import LinkConfig
 from formation.messages import Datagram
 from wire import clock
 from wire.mavlink.framing import LARGEST_DATAGRAM, FrameCutter

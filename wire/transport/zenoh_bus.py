@@ -20,7 +20,7 @@ from typing import Any, Generic, TypeVar
 
 import zenoh
 
-from formation.config import LinkConfig
+from formation.link_config import LinkConfig
 from formation.messages import Datagram, OperatorReply, OperatorRequest, Truth, Verb
 from wire import clock
 from wire.errors import BusError as BusError

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from drone_agent.__main__ import _bodies, _profiles
+from drone_agent.__main__ import _bodies
 from gcs.cli.operator import offered_shapes, offered_trajectories
 from sim.cli.app import _scenarios
 from wire.process.program import bodies_of, lab_near
@@ -39,7 +39,6 @@ def test_names_of_the_lab_file_are_offered(here: Path):
 def test_what_is_shipped_is_offered(here: Path):
     assert _scenarios("triangle") == ["triangle_circle", "triangle_line"]
     assert _scenarios("lab") == ["lab.toml"]
-    assert _profiles("craz") == ["crazyflie_27g"]
 
 
 def test_a_file_that_is_missing_or_wrong_offers_nothing(tmp_path: Path):

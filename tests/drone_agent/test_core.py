@@ -17,7 +17,6 @@ from drone_agent.simulation.disturbance import Disturbance, SweptFan
 from drone_agent.simulation.inertial import InertialError, InertialSensor
 from formation.config import LinkConfig
 from formation.maths.arrays import Float
-from formation.messages import Datagram
 from formation.vehicle.profile import profile
 from tests.drone_agent.agent_harness import MS, Harness, S, target
 from wire.link_messages import BRIDGE_COMPONENT, Address, AttitudeQuaternion, NamedValue, TimeSync
@@ -47,13 +46,6 @@ def test_looking_does_not_change_the_flight(steps: list[int]) -> None:
         watched.truth(now_ns)
     end_ns = 7 + 2 * S
     np.testing.assert_array_equal(watched.truth(end_ns).pos_lab_m, left_alone.truth(end_ns).pos_lab_m)
-
-
-@given(st.binary(max_size=300))
-def test_any_bytes_are_survived(data: bytes) -> None:
-    core = AgentCore(SimulatedDroneConfig(), 0)
-    core.receive(Datagram(1, data), MS)
-    core.tick(MS)
 
 
 def airframe(start_lab_m: Float) -> Airframe:

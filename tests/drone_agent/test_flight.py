@@ -8,43 +8,13 @@ from tests.drone_agent.agent_harness import LEVEL, MS, Harness, hover_at, target
 from wire.autopilots.table import FlightMode
 from wire.link_messages import (
     AttitudeSetpoint,
-    ExtendedSysState,
     Heartbeat,
     Ignore,
-    LandedState,
     LocalFrame,
-    LocalPosition,
     PositionIgnore,
     PositionSetpoint,
     Result,
 )
-
-
-@pytest.mark.parametrize("profile", ["paper_40g", "px4_quad"])
-def test_takes_off_holds_and_lands_by_itself(profile: str) -> None:
-    harness = Harness(profile=profile, start_lab_m=(0.3, -0.2, 0.0), start_yaw_rad=0.7)
-    harness.run(3.0)
-    assert harness.command(400, 1.0) is Result.ACCEPTED
-    assert harness.command(22, 0, 0, 0, np.nan, np.nan, np.nan, np.nan) is Result.ACCEPTED
-    harness.run(1.0)
-    assert harness.last(ExtendedSysState).landed is LandedState.TAKEOFF
-    harness.run(7.0)
-    np.testing.assert_allclose(harness.truth.pos_lab_m, [0.3, -0.2, 2.5], atol=0.03)
-    assert harness.autopilot.mode is FlightMode.HOLD
-    assert harness.last(ExtendedSysState).landed is LandedState.IN_AIR
-    np.testing.assert_allclose(harness.last(LocalPosition).pos_lab_m, harness.truth.pos_lab_m, atol=1e-3)
-    assert harness.command(21) is Result.ACCEPTED
-    harness.run(8.0)
-    assert harness.truth.on_ground
-    np.testing.assert_allclose(harness.truth.pos_lab_m, [0.3, -0.2, 0.0], atol=0.03)
-    assert not harness.autopilot.armed
-    assert harness.last(ExtendedSysState).landed is LandedState.ON_GROUND
-    assert [text for text in harness.texts() if "anding" in text or "Takeoff" in text] == [
-        "Takeoff detected",
-        "Landing at current position",
-        "Landing detected",
-        "Disarmed by landing",
-    ]
 
 
 def test_disarms_what_does_not_take_off() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from drone_agent.autopilots import MODELS
 from tests.drone_agent.agent_harness import Harness
-from wire.link_messages import ParamRequestList, ParamRequestRead, ParamSet, ParamType, ParamValue
+from wire.link_messages import ParamRequestRead, ParamSet, ParamType, ParamValue
 
 
 def read(harness: Harness, name: str) -> ParamValue:
@@ -20,22 +20,6 @@ def test_ardupilot_casts_and_keeps_its_narrow_types() -> None:
     assert (value.raw, value.type) == (struct.pack("<f", 7.0), ParamType.INT16)
     assert read(harness, "GUID_TIMEOUT").type is ParamType.REAL32
     assert read(harness, "VISO_TYPE").type is ParamType.INT8
-
-
-@pytest.mark.parametrize("autopilot", list(MODELS))
-def test_the_whole_list_comes_once_in_order(autopilot: str) -> None:
-    harness = Harness(autopilot=autopilot)
-    harness.run(0.1)
-    harness.send(ParamRequestList(harness.target))
-    harness.run(1.0)
-    values = harness.of(ParamValue)
-    assert [v.index for v in values] == list(range(values[0].count))
-    assert len(values) > 60
-    names = [v.name for v in values]
-    assert names == sorted(names)
-    assert all(len(name) <= 16 for name in names)
-    harness.send(ParamRequestRead(harness.target, "", 3))
-    assert harness.last(ParamValue) == values[3]
 
 
 def test_a_foreign_type_or_no_number_changes_nothing() -> None:

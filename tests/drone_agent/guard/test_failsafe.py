@@ -7,7 +7,7 @@ from drone_agent.autopilots.model import Task
 from drone_agent.guard.failsafe import STEP_NS, StreamFailsafe, Takeover, Turn
 from drone_agent.guard.stages import Stage, Trigger
 from formation.maths.frames import rotate
-from tests.drone_agent.agent_harness import MS, Harness, S, hover_at, idle, target, tilt_rad
+from tests.drone_agent.agent_harness import MS, Harness, S, idle, target, tilt_rad
 from wire.autopilots.table import FlightMode
 from wire.link_messages import GROUND, CommandAck, Heartbeat, MavAutopilot, Result
 
@@ -170,18 +170,6 @@ def test_lands_when_stream_and_mocap_stop_together() -> None:
     assert not harness.autopilot.armed
     # Blind for four seconds on a biased accelerometer: near, but not exactly, below.
     assert np.hypot(*(harness.truth.pos_lab_m - at)[:2]) < 0.5
-
-
-def test_takes_the_stream_up_again_when_it_comes_back_in_time() -> None:
-    harness = Harness(pose="mocap")
-    harness.fly_offboard(0.5)
-    harness.run(0.3)
-    assert harness.stream.stage is Stage.HOLD
-    harness.run(0.5, hover_at(0.5))
-    assert harness.stream.stage is Stage.FOLLOW
-    assert "Setpoints are back" in harness.texts()
-    harness.run(1.0, hover_at(0.5))
-    assert harness.truth.pos_lab_m[2] == pytest.approx(0.5, abs=0.05)
 
 
 def test_px4_by_itself_fails_safe_after_its_own_time_out() -> None:

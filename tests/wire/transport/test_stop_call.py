@@ -23,7 +23,6 @@ from wire.transport.stop_call import (
 KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
 ID = 1_795_000_000_000_000
 KEYS = {"tool.1": KEY, "anna.2": OTHER}
-MANY = 25_000
 
 
 def reader(run: int = 0) -> StopReader:
@@ -94,14 +93,6 @@ def test_a_recorded_stop_is_challenged_by_the_same_ground_and_by_one_restarted()
         answer = again.read(recorded)
         assert isinstance(answer, bytes)
         assert answer.startswith(CHALLENGE)
-
-
-def test_of_many_forged_ones_none_is_obeyed() -> None:
-    ground = reader()
-    true = encode_stop("tool.1", KEY, ID, "anna@tablet", challenge_of(ground))
-    for k in range(MANY):
-        seal = k.to_bytes(32, "big")
-        assert ground.read(true[:-32] + seal) == WRONG
 
 
 @settings(max_examples=300)

@@ -16,9 +16,8 @@ from tests.gcs.security.lab import keyed_lab
 from wire import clock
 from wire.rejections import RejectionLog
 from wire.security.bus_access import LOCAL, BusAccess, access_with
-from wire.security.private_keys import KEY_BYTES
 from wire.security.protection import LOOPBACK_ONLY, protection_of
-from wire.transport.stop_call import encode_stop, stop_address, stop_by_datagram
+from wire.transport.stop_call import stop_by_datagram
 from wire.transport.stop_port import stop_ports
 
 Ask = Callable[[], OperatorReply | None]
@@ -64,24 +63,6 @@ def test_a_stop_that_is_sent_again_and_again_is_asked_for_once(tmp_path: Path) -
     reply, asked, _ = serve(tmp_path, stop_of(access_with(tmp_path / "keys", "tool"), 0.3), answers=False)
     assert reply is None
     assert len(asked) == 1
-
-
-def test_forged_ones_are_counted_and_the_true_one_is_answered(tmp_path: Path) -> None:
-    keyed_lab(tmp_path)
-    stop = stop_of(access_with(tmp_path / "keys", "tool"))
-
-    def ask(endpoint: str) -> Ask:
-        found = stop_address(endpoint)
-        assert found is not None
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-            for _ in range(100):
-                stranger.sendto(encode_stop("tool.1", bytes(KEY_BYTES), 1, "nobody"), found[1])
-        return stop(endpoint)
-
-    reply, asked, rejected = serve(tmp_path, ask)
-    assert reply is not None
-    assert len(asked) == 1
-    assert rejected == 100
 
 
 def test_who_is_revoked_is_not_answered(tmp_path: Path) -> None:

@@ -35,22 +35,6 @@ def drone(key: bytes = KEY) -> SigningChannel:
     return SigningChannel(key, StampClock(), (1).__ne__)
 
 
-@in_loop
-async def test_both_ways(tmp_path: Path) -> None:
-    settings, at_ground, at_drone = config(), Mailbox(), Mailbox()
-    ground = await open_udp_ground(settings, [1], at_ground, RejectionLog(), signed(tmp_path, True))
-    aboard = await open_udp_drone(settings, 1, at_drone, RejectionLog(), signed(tmp_path, False))
-    down = Codec(GROUND).encode(Heartbeat(MavAutopilot.INVALID, 6, 0, 0, 4))
-    await until(at_drone.event, lambda: ground.send(Datagram(1, down)))
-    await until(at_ground.event, lambda: aboard.send(Datagram(1, BEAT)))
-    assert [p.message for p in Codec(Address(1, 1)).receive(at_drone.got[0].data)] == [
-        p.message for p in Codec(Address(1, 1)).receive(down)
-    ]
-    assert at_ground.got[0].data[2] == 1
-    ground.close()
-    aboard.close()
-
-
 @pytest.mark.parametrize("forge", ["unsigned", "other key"])
 @in_loop
 async def test_a_stranger_who_speaks_first_gets_nothing(forge: str, tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ class LawSettings:
     vertical: AxisGains
     compensate: bool
     lag_compensation: LagCompensation
-    speed_max_m_s: float
+    speed_m_s: float
 
 
 @dataclass(slots=True)
@@ -174,7 +174,7 @@ def _horizontal_demand(
         _feed_back(
             axis,
             law.horizontal,
-            law.speed_max_m_s,
+            law.speed_m_s,
             boost,
             memory,
             context.guidance.references[i].airborne,
@@ -222,7 +222,7 @@ def _vertical_demand(
     z3 = known.estimates[n].dist_lab_m_s2[2]
     for axis in range(2, 3):  # as a plain 2 it would be a type of its own to numba, and compiled again
         _feed_back(
-            axis, law.vertical, law.speed_max_m_s, 1.0, memory, context.guidance.references[i].airborne, dt_s, w, out
+            axis, law.vertical, law.speed_m_s, 1.0, memory, context.guidance.references[i].airborne, dt_s, w, out
         )
         _ask(axis, law.vertical, z3, w, out)
         drag_1_s = known.observers[n].drag_1_s[axis]
@@ -245,13 +245,13 @@ def _adaptive_gain(i: int, law: LawSettings, context: LawContext) -> float:
 
 @kernel
 def _feed_back(
-    axis: int, gains: AxisGains, speed_max: float, boost: float, memory: LawMemory, airborne: bool, dt_s: float,
+    axis: int, gains: AxisGains, speed_m_s: float, boost: float, memory: LawMemory, airborne: bool, dt_s: float,
     w: Workspace, out: Demand,
 ) -> None:  # fmt: skip
     """Eqs. (5)-(6) of one axis: error, sliding variable, t_m and the new z_m; its feedback into the workspace."""
     e, e_rate, e_acc, before = w.error[0, axis], w.error[1, axis], w.error[2, axis], memory.z_m[axis]
     s, t_m, z_m, w.feedback[axis], w.feedback_rate[axis] = feedback(
-        gains, e, e_rate, e_acc, before, boost, speed_max, dt_s
+        gains, e, e_rate, e_acc, before, boost, speed_m_s, dt_s
     )
     out.e_lead_m[axis], out.e_rate_lead_m_s[axis], out.s_lead_m_s[axis], out.t_m_lead_m_s2[axis] = e, e_rate, s, t_m
     out.z_m_lead_m_s2[axis] = before if memory.saturated and abs(z_m) > abs(before) else z_m
@@ -261,27 +261,27 @@ def _feed_back(
 
 @kernel
 def feedback(
-    gains: AxisGains, e: float, e_rate: float, e_acc: float, memory: float, boost: float, speed_max: float, dt_s: float
+    gains: AxisGains, e: float, e_rate: float, e_acc: float, memory: float, boost: float, speed_m_s: float, dt_s: float
 ) -> Feedback:
     """The feedback of an axis by its law, in the lead frame.
 
     e, e_rate, e_acc: relative error; boost: factor on p1. |e| is cut where closing it would ask for more than
-    speed_max. The rate holds while errors evolve as predicted; it is what inverts the vehicle's first-order lag.
+    speed_m_s. The rate holds while errors evolve as predicted; it is what inverts the vehicle's first-order lag.
     """
     if gains.law == GEOMETRIC:
-        return geometric_feedback(gains.geometric, e, e_rate, e_acc, memory, speed_max, dt_s)
+        return geometric_feedback(gains.geometric, e, e_rate, e_acc, memory, speed_m_s, dt_s)
     if gains.law == PID:
-        return pid_feedback(gains.cascade, e, e_rate, e_acc, memory, speed_max, dt_s)
-    return sliding_feedback(gains.sliding, e, e_rate, e_acc, memory, boost, speed_max, dt_s)
+        return pid_feedback(gains.cascade, e, e_rate, e_acc, memory, speed_m_s, dt_s)
+    return sliding_feedback(gains.sliding, e, e_rate, e_acc, memory, boost, speed_m_s, dt_s)
 
 
 @kernel
 def sliding_feedback(
-    gains: SlidingGains, e: float, e_rate: float, e_acc: float, z_m: float, boost: float, speed_max: float, dt_s: float
+    gains: SlidingGains, e: float, e_rate: float, e_acc: float, z_m: float, boost: float, speed_m_s: float, dt_s: float
 ) -> Feedback:
     """Eqs. (5)-(6), and of Eq. (7) -c e' - t_m; SMC: t_m = k sign(s)."""
     c, p1, p2, eps, smooth = gains.c, boost * gains.p1, gains.p2, gains.eps, gains.smooth_m_s
-    e = clamp(e, speed_max / c)
+    e = clamp(e, speed_m_s / c)
     s = sliding_variable(c, e, e_rate)
     s_rate = sliding_variable(c, e_rate, e_acc)
     t_rate = 0.0
@@ -296,11 +296,11 @@ def sliding_feedback(
 
 @kernel
 def pid_feedback(
-    gains: CascadeGains, e: float, e_rate: float, e_acc: float, integral: float, speed_max: float, dt_s: float
+    gains: CascadeGains, e: float, e_rate: float, e_acc: float, integral: float, speed_m_s: float, dt_s: float
 ) -> Feedback:
     """The cascade double-loop PID; its velocity error stands for s."""
     kp_position, kp, ki, kd = gains.kp_position, gains.kp, gains.ki, gains.kd
-    e = clamp(e, speed_max / kp_position)
+    e = clamp(e, speed_m_s / kp_position)
     s = velocity_error(kp_position, e, e_rate)
     s_rate = velocity_error(kp_position, e_rate, e_acc)
     acc, integral = velocity_pid(s, s_rate, integral, kp, ki, kd, dt_s)
@@ -309,11 +309,11 @@ def pid_feedback(
 
 @kernel
 def geometric_feedback(
-    gains: GeometricGains, e: float, e_rate: float, e_acc: float, integral: float, speed_max: float, dt_s: float
+    gains: GeometricGains, e: float, e_rate: float, e_acc: float, integral: float, speed_m_s: float, dt_s: float
 ) -> Feedback:
     """The SE(3) controller's translational part; what its integral sums up stands for s."""
     kx, kv, ki, mix, bound = gains.kx, gains.kv, gains.ki, gains.mix, gains.bound
-    e = clamp(e, speed_max * kv / kx)
+    e = clamp(e, speed_m_s * kv / kx)
     acc, integral = tracking_acceleration(e, e_rate, integral, kx, kv, ki, mix, bound, dt_s)
     s = mix * e + e_rate
     return s, -acc, integral, acc, -kx * e_rate - kv * e_acc - ki * s

@@ -58,7 +58,7 @@ def barrier_settings(
                 commanded_index=commanded_index.get(i, -1),
                 dead_s=profile.response_dead_time_s,
                 separation_m=limits.min_separation_m,
-                speed_max_m_s=limits.speed_m_s,
+                speed_m_s=limits.speed_m_s,
                 sideways_m_s2=GRAVITY_M_S2 * tan(limits.tilt_rad),
                 separation_on=SEPARATION_FILTER not in without,
                 keep_out_on=KEEP_OUT not in without,
@@ -122,7 +122,7 @@ def _law(config: LabConfig, i: int, gains: Preset) -> LawSettings:
         vertical=axis_gains(gains.leader_vertical if leads else gains.follower_vertical),
         compensate=_compensates(gains, leads),
         lag_compensation=gains.leader_lag_compensation if leads else gains.lag_compensation,
-        speed_max_m_s=config.limits.speed_m_s,
+        speed_m_s=config.limits.speed_m_s,
     )
 
 

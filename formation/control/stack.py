@@ -86,7 +86,7 @@ class ControlStack:
         self._estimates: Rows[VehicleEstimate] | None = None
         self._generator: Generator | None = None
         self._leader: Rows[FollowedLeader] | None = None
-        self._slot_speeds_m_s = config.limits.speed_m_s, config.flight.formation_change_m_s
+        self._speeds_m_s = config.limits.speed_m_s, config.flight.formation_change_m_s
 
     def step(
         self, t_now_ns: int, frame: LabFrame, plan: Plan, hover_thrust_norm: Scalars,
@@ -112,7 +112,7 @@ class ControlStack:
         old = start(plan, mine, t_ns) if self._generator is None else self._generator
         before_it = as_estimated(motion[0], t_ns) if self._leader is None else self._leader
         arm_m = slots_arm_m(plan.shape) if True in self._airborne.tolist() else -1.0
-        followed = follow(before_it, motion[0], t_ns, arm_m, self._slot_speeds_m_s)
+        followed = follow(before_it, motion[0], t_ns, arm_m, self._speeds_m_s)
         leader = followed["motion"][0]
         generator = update(old, plan, self._fleet, mine, leader, t_ns)
         refs = references(generator, t_ns, leader)

@@ -244,12 +244,12 @@ def braked(gap: Float, column: int, brake_s: float) -> float:
     return ahead
 
 
-def closing_s(gap: Float, brake_s: float, speed_max: float) -> float:
-    """How long a gap (4, 4) should take to close: its peaks stay under speed_max, a gentle acceleration and turn."""
+def closing_s(gap: Float, brake_s: float, speed_m_s: float) -> float:
+    """How long a gap (4, 4) should take to close: its peaks stay under speed_m_s, a gentle acceleration and turn."""
     left = [gap[0, column] + braked(gap, column, brake_s) for column in range(4)]
     distance, detour = float(np.linalg.norm(left[:3])), float(np.linalg.norm(gap[3, :3]))
     duration_s: float = max(
-        (PEAK_SPEED * distance + BUMP_SPEED * detour) / speed_max,
+        (PEAK_SPEED * distance + BUMP_SPEED * detour) / speed_m_s,
         sqrt((PEAK_ACCELERATION * distance + BUMP_ACCELERATION * detour) / ACCELERATION_M_S2),
         PEAK_SPEED * abs(left[3]) / TURN_RAD_S,
         brake_s,

@@ -55,7 +55,7 @@ class BarrierSettings:
     commanded_index: int
     dead_s: float
     separation_m: float
-    speed_max_m_s: float
+    speed_m_s: float
     sideways_m_s2: float
     separation_on: bool
     keep_out_on: bool
@@ -104,7 +104,7 @@ def _limit_demands(
     change, bits = np.zeros((len(settings), 3)), np.zeros(len(settings))
     for n in range(len(settings)):
         if settings[n].speed_limit_on and bodies.controllable[n]:
-            bits[n] += _limit_speed(settings[n].speed_max_m_s, bodies.motion[n], change[n])
+            bits[n] += _limit_speed(settings[n].speed_m_s, bodies.motion[n], change[n])
     if settings[0].separation_on:
         _separate(settings[0].separation_m, bodies, change, bits)
     altered = False
@@ -161,14 +161,14 @@ def placed(
 
 
 @kernel
-def _limit_speed(speed_max_m_s: float, motion: Float, change: Float) -> float:
+def _limit_speed(speed_m_s: float, motion: Float, change: Float) -> float:
     """Bounds the acceleration along the velocity, so that a body's speed ends at the limit; the bit if it had to."""
     v, acc = motion[1], motion[2]
     speed = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    if speed < FAST * speed_max_m_s:
+    if speed < FAST * speed_m_s:
         return 0.0
     along = (acc[0] * v[0] + acc[1] * v[1] + acc[2] * v[2]) / speed
-    over = along - SPEED_RATE_1_S * (speed_max_m_s - speed)
+    over = along - SPEED_RATE_1_S * (speed_m_s - speed)
     if over <= 0.0:
         return 0.0
     for axis in range(3):

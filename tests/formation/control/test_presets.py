@@ -122,4 +122,4 @@ def test_bodies_and_limits_reach_the_law_and_the_attitude() -> None:
     np.testing.assert_allclose(limits["fence_high_m"], [CONFIG.limits.fence.high_m] * 2)
     np.testing.assert_allclose(attitude["tilt_max_rad"], [0.6] * 2)
     np.testing.assert_allclose(attitude["yaw_p_1_s"], [4.0, 6.7])
-    np.testing.assert_allclose(laws["speed_max_m_s"], [3.0] * 2)
+    np.testing.assert_allclose(laws["speed_m_s"], [3.0] * 2)

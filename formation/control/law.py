@@ -17,17 +17,13 @@ from formation.control.pid import velocity_error, velocity_pid
 from formation.control.prediction import (
     LEADER,
     WORKSPACE,
-    Known,
     LawContext,
     Workspace,
     disturbance_at,
     motion_at,
     situation,
 )
-from formation.estimation.response import NEVER_NS, SECONDS, SentCommands, attitude_dead_s
-from formation.estimation.settings import ObserverSettings
-from formation.estimation.state import VehicleEstimate
-from formation.guidance.followed_leader import Guidance
+from formation.estimation.response import NEVER_NS, SECONDS, attitude_dead_s
 from formation.guidance.reference_generator import SLOT
 from formation.maths.arrays import Float, Motion, Vec3
 from formation.maths.kernel import kernel
@@ -112,23 +108,18 @@ class Demand:
     limits_met: float
 
 
-def demand(
-    settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate],
-    history: Rows[SentCommands], guidance: Guidance, memory: Rows[LawMemory], now_ns: int,
-) -> Rows[Demand]:  # fmt: skip
+def demand(settings: Rows[LawSettings], context: LawContext, memory: Rows[LawMemory], now_ns: int) -> Rows[Demand]:
     """The law at now_ns for the m commanded vehicles among the n."""
     out = blank(Demand, len(settings))
-    _demand(settings, observers, estimates, history, guidance, memory, now_ns, out)
+    _demand(settings, context, memory, now_ns, out)
     return out
 
 
 @kernel
 def _demand(
-    settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate],
-    history: Rows[SentCommands], guidance: Guidance, memory: Rows[LawMemory], now_ns: int, out: Rows[Demand],
-) -> None:  # fmt: skip
+    settings: Rows[LawSettings], context: LawContext, memory: Rows[LawMemory], now_ns: int, out: Rows[Demand]
+) -> None:
     """See `demand`; out (m) is filled."""
-    context = LawContext(Known(estimates, observers, history), guidance)
     # A record keeps no array alive that it lies in: `space` has to be there as long as anybody writes into it.
     space = np.empty(2, WORKSPACE)
     for channel in range(2):
@@ -145,7 +136,7 @@ def _vehicle_demand(
     dt_s = 0.0
     if memory.asked_ns > NEVER_NS:
         dt_s = min((now_ns - memory.asked_ns) * SECONDS, STEP_MAX_S)
-    at_ns = min(now_ns, context.known.estimates[law.vehicle].t_ns + HORIZON_MAX_NS)
+    at_ns = min(now_ns, context.estimates[law.vehicle].t_ns + HORIZON_MAX_NS)
     _horizontal_demand(i, law, context, memory, at_ns, dt_s, space[HORIZONTAL], out)
     _vertical_demand(i, law, context, memory, at_ns, dt_s, space[VERTICAL], out)
 
@@ -162,10 +153,10 @@ def _horizontal_demand(
     out: Demand,
 ) -> None:
     """x and y, by attitude."""
-    known, n = context.known, law.vehicle
-    lag_s = known.observers[n].response.attitude_lag_s
-    arrival_ns = now_ns + int(attitude_dead_s(known.estimates[n], known.observers[n]) * 1e9)
-    hold_ns = arrival_ns if law.compensate else known.estimates[n].t_ns
+    n = law.vehicle
+    lag_s = context.observers[n].response.attitude_lag_s
+    arrival_ns = now_ns + int(attitude_dead_s(context.estimates[n], context.observers[n]) * 1e9)
+    hold_ns = arrival_ns if law.compensate else context.estimates[n].t_ns
     lag_ns = int(lag_s * 1e9)
     situation(i, n, context, hold_ns, lag_ns // 2 if law.compensate else 0, w)
     gain = _adaptive_gain(i, law, context)
@@ -177,7 +168,7 @@ def _horizontal_demand(
             law.speed_m_s,
             boost,
             memory,
-            context.guidance.references[i].airborne,
+            context.references[i].airborne,
             dt_s,
             w,
             out,
@@ -187,18 +178,20 @@ def _horizontal_demand(
     _into_lab(w.frame[0, 3], w.feedback_rate)
     copy_motion(w.mine, out.motion)
     if not law.compensate:  # its turn is bounded from the arrival's force all the same
-        motion_at(known, n, arrival_ns, w.lead_other, w.force)
+        motion_at(context, n, arrival_ns, w.lead_other, w.force)
     for axis in range(3):
         out.specific_force_lab_m_s2[axis] = w.force[axis]
     pull = law.lag_compensation.gain * gain**law.lag_compensation.gain_power - 1.0
     for axis in range(2):
-        _ask(axis, law.horizontal, disturbance_at(known, n, axis, hold_ns), w, out)
+        _ask(axis, law.horizontal, disturbance_at(context, n, axis, hold_ns), w, out)
     bound_sideways(out.acc_lab_m_s2)
     for axis in range(2):
         if law.compensate:
-            z3 = disturbance_at(known, n, axis, hold_ns)
-            rising = disturbance_at(known, n, axis, hold_ns + lag_ns) - z3 if uses_disturbance(law.horizontal) else 0.0
-            drag_1_s = known.observers[n].drag_1_s[axis]
+            z3 = disturbance_at(context, n, axis, hold_ns)
+            rising = (
+                disturbance_at(context, n, axis, hold_ns + lag_ns) - z3 if uses_disturbance(law.horizontal) else 0.0
+            )
+            drag_1_s = context.observers[n].drag_1_s[axis]
             _invert_lag(axis, lag_s, law.lag_compensation.rate, pull, z3, rising, drag_1_s, w, out)
 
 
@@ -214,18 +207,16 @@ def _vertical_demand(
     out: Demand,
 ) -> None:
     """z, by thrust; and the heading, which a target reaches as soon (its rate is fed forward)."""
-    known, n = context.known, law.vehicle
-    dead_s, lag_s = known.observers[n].response.thrust_dead_s, known.observers[n].response.thrust_lag_s
+    n = law.vehicle
+    dead_s, lag_s = context.observers[n].response.thrust_dead_s, context.observers[n].response.thrust_lag_s
     hold_ns = now_ns + int(dead_s * 1e9)
     situation(i, n, context, hold_ns, int(lag_s * 1e9) // 2, w)
     out.yaw_rad, out.yaw_rate_rad_s = w.lab[0, 3], w.lab[1, 3]
-    z3 = known.estimates[n].dist_lab_m_s2[2]
+    z3 = context.estimates[n].dist_lab_m_s2[2]
     for axis in range(2, 3):  # as a plain 2 it would be a type of its own to numba, and compiled again
-        _feed_back(
-            axis, law.vertical, law.speed_m_s, 1.0, memory, context.guidance.references[i].airborne, dt_s, w, out
-        )
+        _feed_back(axis, law.vertical, law.speed_m_s, 1.0, memory, context.references[i].airborne, dt_s, w, out)
         _ask(axis, law.vertical, z3, w, out)
-        drag_1_s = known.observers[n].drag_1_s[axis]
+        drag_1_s = context.observers[n].drag_1_s[axis]
         _invert_lag(axis, lag_s, law.lag_compensation.rate, 0.0, z3, 0.0, drag_1_s, w, out)
     for order in range(3):
         out.motion[order, 2] = w.mine[order, 2]
@@ -236,9 +227,9 @@ def _vertical_demand(
 @kernel
 def _adaptive_gain(i: int, law: LawSettings, context: LawContext) -> float:
     """The vehicle's own, or that of the leader it follows, if that one is only observed."""
-    own: float = context.known.estimates[law.vehicle].adaptive_gain
-    if context.guidance.references[i].kind == SLOT and context.known.observers[LEADER].commanded_index < 0:
-        guidance: float = context.known.estimates[LEADER].adaptive_gain ** law.lag_compensation.lead_share
+    own: float = context.estimates[law.vehicle].adaptive_gain
+    if context.references[i].kind == SLOT and context.observers[LEADER].commanded_index < 0:
+        guidance: float = context.estimates[LEADER].adaptive_gain ** law.lag_compensation.lead_share
         return max(own, guidance)
     return own
 

@@ -14,7 +14,7 @@ from formation.estimation.observers import disturbance_rate
 from formation.estimation.response import SECONDS, SentCommands, answer, attitude_dead_s
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
-from formation.guidance.followed_leader import Guidance, shifted
+from formation.guidance.followed_leader import FollowedLeader, shifted
 from formation.guidance.reference_generator import VehicleReference, reference_at
 from formation.maths.arrays import Float, Layout, Motion, Vec3
 from formation.maths.kernel import kernel
@@ -26,19 +26,20 @@ RATE_DECAY_1_S = 10.0  # of the rate of Z3: a push does not rise for ever
 LEADER = cast(int, np.int64(0))  # a literal 0 would be a type of its own, and the prediction compiled once more
 
 
-class Known(NamedTuple):
-    """What predictions start from."""
+class LawContext(NamedTuple):
+    """What demands are computed from, besides each vehicle's own settings.
+
+    estimates, observers (n); history: commands sent to the m commanded; references (m), numbers and knots of the
+    leader's trajectory, leader: as it is followed (1).
+    """
 
     estimates: Rows[VehicleEstimate]
     observers: Rows[ObserverSettings]
     history: Rows[SentCommands]
-
-
-class LawContext(NamedTuple):
-    """What one vehicle's demand is computed from, besides its own settings."""
-
-    known: Known
-    guidance: Guidance
+    references: Rows[VehicleReference]
+    numbers: Float
+    knots: Float
+    leader: Rows[FollowedLeader]
 
 
 @dataclass(slots=True)
@@ -77,8 +78,7 @@ def situation(i: int, n: int, context: LawContext, hold_ns: int, half_ns: int, w
 
     half_ns: of the window of that change; 0 where nobody asks for it.
     """
-    known, numbers, knots = context.known, context.guidance.numbers, context.guidance.knots
-    reference = context.guidance.references[i]
+    numbers, knots, reference = context.numbers, context.knots, context.references[i]
     _leader_ahead(context, hold_ns, half_ns, w)
     if half_ns > 0:
         copy_motion(w.leader_later, w.lead_other)
@@ -88,7 +88,7 @@ def situation(i: int, n: int, context: LawContext, hold_ns: int, half_ns: int, w
         for order in range(3):
             for column in range(4):
                 w.lab_change[order, column] -= w.lab_other[order, column]
-    motion_at(known, n, hold_ns, w.mine, w.force)
+    motion_at(context, n, hold_ns, w.mine, w.force)
     reference_at(reference, numbers, knots, hold_ns, w.lead, w.slot, w.frame, w.lab)
     lead_from_lab(w.mine, w.frame, w.error)
     for order in range(3):
@@ -104,22 +104,22 @@ def _leader_ahead(context: LawContext, hold_ns: int, half_ns: int, w: Workspace)
     """
     if w.leader_ns[0] != hold_ns or w.leader_ns[1] != half_ns:
         w.leader_ns[0], w.leader_ns[1] = hold_ns, half_ns
-        motion_at(context.known, LEADER, hold_ns, w.leader, w.force)
-        shifted(context.guidance.leader, hold_ns, w.leader)
-        commanded_index = context.known.observers[LEADER].commanded_index
+        motion_at(context, LEADER, hold_ns, w.leader, w.force)
+        shifted(context.leader, hold_ns, w.leader)
+        commanded_index = context.observers[LEADER].commanded_index
         if half_ns > 0 and commanded_index < 0:
             for at_ns, out in ((hold_ns + half_ns, w.leader_later), (hold_ns - half_ns, w.leader_earlier)):
-                motion_at(context.known, LEADER, at_ns, out, w.force)
-                shifted(context.guidance.leader, at_ns, out)
+                motion_at(context, LEADER, at_ns, out, w.force)
+                shifted(context.leader, at_ns, out)
         elif half_ns > 0:
-            _as_referred(context.guidance.references[commanded_index], context, hold_ns, half_ns, w)
+            _as_referred(context.references[commanded_index], context, hold_ns, half_ns, w)
     copy_motion(w.leader, w.lead)
 
 
 @kernel
 def _as_referred(reference: VehicleReference, context: LawContext, hold_ns: int, half_ns: int, w: Workspace) -> None:
     """A commanded leader's motion later and earlier: from `leader` on as its reference goes, and all accelerations."""
-    numbers, knots, now = context.guidance.numbers, context.guidance.knots, w.leader
+    numbers, knots, now = context.numbers, context.knots, w.leader
     reference_at(reference, numbers, knots, hold_ns, now, w.slot, w.frame, w.lab)
     for at_ns, out in ((hold_ns + half_ns, w.leader_later), (hold_ns - half_ns, w.leader_earlier)):
         reference_at(reference, numbers, knots, at_ns, now, w.slot, w.frame, w.lab_other)
@@ -132,21 +132,21 @@ def _as_referred(reference: VehicleReference, context: LawContext, hold_ns: int,
 
 
 @kernel
-def motion_at(known: Known, n: int, to_ns: int, out: Float, force: Float) -> None:
+def motion_at(context: LawContext, n: int, to_ns: int, out: Float, force: Float) -> None:
     """Motion of vehicle n at to_ns into out (3, 4), and the modelled specific force then into force (3).
 
     A commanded vehicle answers its past commands by dead time and lag; one that is only observed goes on turning its
     force at a decaying rate. So does Z3 along x and y; Z3 of the height is taken to last. Drag, f(x) of Eq. (4), slows
     a commanded vehicle: the velocity loses drag_1_s times the distance, by the trapezoidal rule.
     """
-    z, observer = known.estimates[n], known.observers[n]
+    z, observer = context.estimates[n], context.observers[n]
     h = (to_ns - z.t_ns) * SECONDS
     commanded = observer.commanded_index >= 0
     speed, travel = np.empty(3), np.empty(3)
     for axis in range(3):
         force[axis] = z.specific_force_lab_m_s2[axis]
     if commanded:
-        sent, response = known.history[observer.commanded_index], observer.response
+        sent, response = context.history[observer.commanded_index], observer.response
         answer(sent.t_ns, sent.force[:, 0:2], z.t_ns, to_ns, attitude_dead_s(z, observer), response.attitude_lag_s,
                force[0:2], speed[0:2], travel[0:2])  # fmt: skip
         answer(sent.t_ns, sent.force[:, 2:3], z.t_ns, to_ns, response.thrust_dead_s, response.thrust_lag_s,
@@ -178,11 +178,11 @@ def motion_at(known: Known, n: int, to_ns: int, out: Float, force: Float) -> Non
 
 
 @kernel
-def disturbance_at(known: Known, n: int, axis: int, to_ns: int) -> float:
+def disturbance_at(context: LawContext, n: int, axis: int, to_ns: int) -> float:
     """Z3 of vehicle n along x or y at to_ns, m/s^2: it goes on at its rate, which decays."""
-    z = known.estimates[n]
+    z = context.estimates[n]
     risen, _, _ = decaying((to_ns - z.t_ns) * SECONDS, RATE_DECAY_1_S)
-    value: float = z.dist_lab_m_s2[axis] + risen * disturbance_rate(z, axis, known.observers[n])
+    value: float = z.dist_lab_m_s2[axis] + risen * disturbance_rate(z, axis, context.observers[n])
     return value
 
 

@@ -1,16 +1,16 @@
 """The control stack: frame in, attitude targets out. Pure functions in a row, and the one place that remembers."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from formation.config import LabConfig
 from formation.control.law import Demand, LawMemory, demand, no_memory
 from formation.control.limits.attitude import TILT, Target, attitude
 from formation.control.limits.barriers import limit_demands
 from formation.control.limits.target import SetpointHoldOff, correct_level
+from formation.control.prediction import LawContext
 from formation.control.presets import Preset, preset_for
 from formation.control.settings import (
     attitude_settings,
@@ -22,7 +22,7 @@ from formation.control.settings import (
 from formation.estimation.response import NEVER_NS, SentCommands, no_history, remember
 from formation.estimation.state import VehicleEstimate
 from formation.estimation.update import estimate, initial, swarm_state
-from formation.guidance.followed_leader import FollowedLeader, Guidance, as_estimated, follow, slots_arm_m
+from formation.guidance.followed_leader import FollowedLeader, as_estimated, follow, slots_arm_m
 from formation.guidance.plan import Mode, Plan
 from formation.guidance.reference_generator import Generator, References, fleet, references, start, update
 from formation.maths.arrays import Bool, Flags, Float, Scalars, Vec3s
@@ -47,6 +47,22 @@ class Stages:
     reference: Reference
     command: Command
     target: AttitudeTarget
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Memory:
+    """All that the stack remembers from tick to tick.
+
+    law, history: of the m commanded vehicles; airborne, yaw_acc_command_rad_s2 (n): of the last references.
+    """
+
+    estimates: Rows[VehicleEstimate]
+    generator: Generator | None
+    leader: Rows[FollowedLeader] | None
+    history: Rows[SentCommands]
+    law: Rows[LawMemory]
+    airborne: Flags
+    yaw_acc_command_rad_s2: Scalars
 
 
 class ControlStack:
@@ -78,14 +94,7 @@ class ControlStack:
         self._force_limits = force_limits(config, profiles)
         self._attitude = attitude_settings(config, profiles)
         self._own, self._hold_off = own, hold_off
-        m = len(self._commanded)
-        self._history: Rows[SentCommands] = no_history(m)
-        self._memory: Rows[LawMemory] = no_memory(m)
-        self._airborne: Flags = np.zeros(len(config.vehicles), np.bool_)
-        self._yaw_acc_command: Scalars = np.zeros(len(config.vehicles))
-        self._estimates: Rows[VehicleEstimate] | None = None
-        self._generator: Generator | None = None
-        self._leader: Rows[FollowedLeader] | None = None
+        self._memory: _Memory | None = None
         self._speeds_m_s = config.limits.speed_m_s, config.flight.formation_change_m_s
 
     def step(
@@ -101,42 +110,37 @@ class ControlStack:
         """
         if self._hold_off is not None:
             self._reinitialise(self._hold_off.receive(frame))
-        before = self._begin(frame, plan) if self._estimates is None else self._estimates
+        before = self._begin(frame, plan) if self._memory is None else self._memory
         force_meas = np.full((len(frame.bodies), 3), np.nan) if force_meas_flu_m_s2 is None else force_meas_flu_m_s2
         estimates = estimate(
-            before, self._observers, frame, self._history, self._airborne, self._yaw_acc_command, force_meas
-        )
+            before.estimates, self._observers, frame, before.history, before.airborne, before.yaw_acc_command_rad_s2,
+            force_meas,
+        )  # fmt: skip
         state, motion = swarm_state(estimates), estimates["motion"]
-        t_ns = state.t_ns
-        mine = motion[self._commanded]
-        old = start(plan, mine, t_ns) if self._generator is None else self._generator
-        before_it = as_estimated(motion[0], t_ns) if self._leader is None else self._leader
-        arm_m = slots_arm_m(plan.shape) if True in self._airborne.tolist() else -1.0
-        followed = follow(before_it, motion[0], t_ns, arm_m, self._speeds_m_s)
+        t_ns, mine = state.t_ns, motion[self._commanded]
+        arm_m = slots_arm_m(plan.shape) if True in before.airborne.tolist() else -1.0
+        led = as_estimated(motion[0], t_ns) if before.leader is None else before.leader
+        followed = follow(led, motion[0], t_ns, arm_m, self._speeds_m_s)
         leader = followed["motion"][0]
+        old = start(plan, mine, t_ns) if before.generator is None else before.generator
         generator = update(old, plan, self._fleet, mine, leader, t_ns)
+        vehicles, path = generator.vehicles, generator.trajectory
         refs = references(generator, t_ns, leader)
-        path = generator.trajectory
-        guidance = Guidance(generator.vehicles, path.numbers, path.knots, followed)
-        wanted = demand(self._law, self._observers, estimates, self._history, guidance, self._memory, t_now_ns)
+        context = LawContext(estimates, self._observers, before.history, vehicles, path.numbers, path.knots, followed)
+        wanted = demand(self._law, context, before.law, t_now_ns)
         if self._own is not None:
-            asked = Asked(self._law, self._observers, estimates, self._history, guidance, self._memory, t_now_ns)
-            wanted = self._own.take_over(wanted, asked)
-        limited = limit_demands(self._barriers, wanted, estimates, generator.vehicles, t_now_ns)
-        target = attitude(
-            self._attitude, self._force_limits, limited, estimates, generator.vehicles, hover_thrust_norm, t_now_ns
-        )
-        self._history = remember(self._history, t_now_ns, target["force"])
-        self._memory = _remembered(self._memory, wanted, target, t_now_ns)
-        self._estimates, self._generator, self._leader = estimates, generator, followed
-        self._airborne[self._commanded] = generator.airborne
-        self._yaw_acc_command[self._commanded] = refs.lab[:, 2, 3]
-        return Stages(
-            state,
-            _reference(generator, refs, t_ns),
-            _command(wanted, estimates, self._commanded, t_ns),
-            self._as_sent(_target(target, t_ns), hover_thrust_norm, level_bias_rad, flies),
-        )
+            wanted = self._own.take_over(wanted, Asked(self._law, context, before.law, t_now_ns))
+        limited = limit_demands(self._barriers, wanted, estimates, vehicles, t_now_ns)
+        target = attitude(self._attitude, self._force_limits, limited, estimates, vehicles, hover_thrust_norm, t_now_ns)
+        airborne, yaw_acc_command = before.airborne.copy(), before.yaw_acc_command_rad_s2.copy()
+        airborne[self._commanded], yaw_acc_command[self._commanded] = generator.airborne, refs.lab[:, 2, 3]
+        self._memory = _Memory(
+            estimates, generator, followed, remember(before.history, t_now_ns, target["force"]),
+            _remembered(before.law, wanted, target, t_now_ns), airborne, yaw_acc_command,
+        )  # fmt: skip
+        command = _command(wanted, estimates["dist_lab_m_s2"][self._commanded], t_ns)
+        sent = self._as_sent(_target(target, t_ns), hover_thrust_norm, level_bias_rad, flies)
+        return Stages(state, _reference(refs, generator.in_formation, t_ns), command, sent)
 
     def _as_sent(
         self, target: AttitudeTarget, hover_thrust_norm: Scalars, level_bias_rad: Float | None, flies: Bool | None
@@ -149,26 +153,29 @@ class ControlStack:
 
     def _reinitialise(self, bodies: Collection[int]) -> None:
         """Begin these bodies' estimates anew, at rest where the next frame sees them: made of poses that were wrong."""
-        if not bodies or self._estimates is None:
+        if not bodies or self._memory is None:
             return
-        self._estimates, self._memory = copied(self._estimates), copied(self._memory)
+        estimates, law = copied(self._memory.estimates), copied(self._memory.law)
         for i in bodies:
-            self._estimates[i].seen_ns = NEVER_NS
+            estimates[i].seen_ns = NEVER_NS
         for commanded_index in np.flatnonzero(np.isin(self._commanded, list(bodies))).tolist():
-            self._memory[commanded_index] = no_memory(1)[0]
+            law[commanded_index] = no_memory(1)[0]
+        self._memory = replace(self._memory, estimates=estimates, law=law)
 
     def law_failures(self) -> list[LawFailure]:
         """Those of the lab's own laws since it was asked last."""
         return [] if self._own is None else self._own.pop_failures()
 
-    def _begin(self, frame: LabFrame, plan: Plan) -> Rows[VehicleEstimate]:
-        """The first estimate; vehicles not idle are taken to hover, as after a restart in flight."""
-        flying = np.zeros(len(frame.bodies), dtype=np.bool_)
+    def _begin(self, frame: LabFrame, plan: Plan) -> _Memory:
+        """Before the first tick; vehicles not idle are taken to hover, as after a restart in flight."""
+        n, m = len(frame.bodies), len(plan.setpoints)
+        flying = np.zeros(n, dtype=np.bool_)
         flying[self._commanded] = [setpoint.mode is not Mode.IDLE for setpoint in plan.setpoints]
-        force = np.zeros((len(plan.setpoints), 4))
+        force = np.zeros((m, 4))
         force[:, 2] = force[:, 3] = np.where(flying[self._commanded], GRAVITY_M_S2, 0.0)
-        self._history = remember(self._history, frame.t_capture_ns - HISTORY_NS, force)
-        return initial(frame, flying)
+        history = remember(no_history(m), frame.t_capture_ns - HISTORY_NS, force)
+        airborne, yaw_acc = np.zeros(n, np.bool_), np.zeros(n)
+        return _Memory(initial(frame, flying), None, None, history, no_memory(m), airborne, yaw_acc)
 
 
 def _remembered(memory: Rows[LawMemory], wanted: Rows[Demand], target: Rows[Target], now_ns: int) -> Rows[LawMemory]:
@@ -178,32 +185,50 @@ def _remembered(memory: Rows[LawMemory], wanted: Rows[Demand], target: Rows[Targ
     return new
 
 
-def _reference(generator: Generator, at: References, t_ns: int) -> Reference:
+def _reference(at: References, in_formation: Flags, t_ns: int) -> Reference:
     """The references as their message."""
+    origin, slot = at.frame[:, :, :3], at.slot[:, :, :3]
+    heading, slot_heading = at.frame[:, :, 3], at.slot[:, :, 3]
     return Reference(
         t_ns,
-        at.frame[:, 0, :3], at.frame[:, 1, :3], at.frame[:, 2, :3],
-        at.frame[:, 0, 3], at.frame[:, 1, 3], at.frame[:, 2, 3],
-        at.slot[:, 0, :3], at.slot[:, 1, :3], at.slot[:, 2, :3],
-        at.slot[:, 0, 3], at.slot[:, 1, 3],
-        generator.in_formation,
-    )  # fmt: skip
+        origin_lab_m=origin[:, 0],
+        origin_vel_lab_m_s=origin[:, 1],
+        origin_acc_lab_m_s2=origin[:, 2],
+        heading_rad=heading[:, 0],
+        heading_rate_rad_s=heading[:, 1],
+        heading_acc_rad_s2=heading[:, 2],
+        slot_lead_m=slot[:, 0],
+        slot_vel_lead_m_s=slot[:, 1],
+        slot_acc_lead_m_s2=slot[:, 2],
+        slot_yaw_rad=slot_heading[:, 0],
+        slot_yaw_rate_rad_s=slot_heading[:, 1],
+        in_formation=in_formation,
+    )
 
 
-def _command(
-    wanted: Rows[Demand], estimates: Rows[VehicleEstimate], commanded: NDArray[np.int64], t_ns: int
-) -> Command:
-    """The demand as its message."""
+def _command(wanted: Rows[Demand], dist_lab_m_s2: Vec3s, t_ns: int) -> Command:
+    """The demand as its message; dist_lab_m_s2 (m, 3): the Z3 that it answers."""
     return Command(
-        t_ns, wanted["e_lead_m"], wanted["e_rate_lead_m_s"], wanted["s_lead_m_s"],
-        wanted["t_m_lead_m_s2"], wanted["z_m_lead_m_s2"], estimates["dist_lab_m_s2"][commanded],
-        wanted["acc_lab_m_s2"], wanted["yaw_rad"], wanted["yaw_rate_rad_s"],
-    )  # fmt: skip
+        t_ns,
+        e_lead_m=wanted["e_lead_m"],
+        e_rate_lead_m_s=wanted["e_rate_lead_m_s"],
+        s_lead_m_s=wanted["s_lead_m_s"],
+        t_m_lead_m_s2=wanted["t_m_lead_m_s2"],
+        z_m_lead_m_s2=wanted["z_m_lead_m_s2"],
+        dist_lab_m_s2=dist_lab_m_s2,
+        acc_lab_m_s2=wanted["acc_lab_m_s2"],
+        yaw_rad=wanted["yaw_rad"],
+        yaw_rate_rad_s=wanted["yaw_rate_rad_s"],
+    )
 
 
 def _target(target: Rows[Target], t_ns: int) -> AttitudeTarget:
     """The targets as their message."""
     return AttitudeTarget(
-        t_ns, target["q_lab_from_flu"], target["rate_flu_rad_s"], target["thrust_norm"], target["saturation"],
-        np.zeros(len(target), np.bool_),
-    )  # fmt: skip
+        t_ns,
+        q_lab_from_flu=target["q_lab_from_flu"],
+        rate_flu_rad_s=target["rate_flu_rad_s"],
+        thrust_norm=target["thrust_norm"],
+        saturation=target["saturation"],
+        held_off=np.zeros(len(target), np.bool_),
+    )

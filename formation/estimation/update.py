@@ -254,7 +254,15 @@ def swarm_state(z: Rows[VehicleEstimate]) -> SwarmState:
     motion, t_ns = z["motion"], int(z["t_ns"][0])
     age_s = [(t_ns - seen_ns) * SECONDS if seen_ns > NEVER_NS else np.inf for seen_ns in z["seen_ns"].tolist()]
     return SwarmState(
-        t_ns, z["pos_lab_m"], z["vel_lab_m_s"], z["dist_lab_m_s2"], motion[:, 2, :3], z["q_lab_from_flu"],
-        z["yaw_rad"], z["yaw_rate_rad_s"], motion[:, 2, 3],
-        np.array(age_s), z["model_mismatch"],
-    )  # fmt: skip
+        t_ns,
+        pos_lab_m=z["pos_lab_m"],
+        vel_lab_m_s=z["vel_lab_m_s"],
+        dist_lab_m_s2=z["dist_lab_m_s2"],
+        acc_lab_m_s2=motion[:, 2, :3],
+        q_lab_from_flu=z["q_lab_from_flu"],
+        yaw_rad=z["yaw_rad"],
+        yaw_rate_rad_s=z["yaw_rate_rad_s"],
+        yaw_acc_rad_s2=motion[:, 2, 3],
+        age_s=np.array(age_s),
+        model_mismatch=z["model_mismatch"],
+    )

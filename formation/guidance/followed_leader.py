@@ -9,12 +9,10 @@ leader's, and that of an estimate full of noise would lead a follower away at th
 
 from dataclasses import dataclass
 from math import hypot, sqrt
-from typing import NamedTuple
 
 import numpy as np
 
 from formation.estimation.response import SECONDS
-from formation.guidance.reference_generator import VehicleReference
 from formation.guidance.shape import Shape
 from formation.guidance.trajectory import ACCELERATION_M_S2
 from formation.maths.arrays import Float, Motion, Vec4
@@ -41,15 +39,6 @@ class FollowedLeader:
     shift: Motion
     is_shifted: bool
     mean_vel: Vec4
-
-
-class Guidance(NamedTuple):
-    """Where vehicles are led: references (m), numbers and knots of the leader's trajectory, the leader as followed."""
-
-    references: Rows[VehicleReference]
-    numbers: Float
-    knots: Float
-    leader: Rows[FollowedLeader]
 
 
 def as_estimated(lead: Motion, t_ns: int) -> Rows[FollowedLeader]:

@@ -10,11 +10,8 @@ import numpy as np
 
 from formation.config import LabConfig
 from formation.control.law import HORIZON_MAX_NS, STEP_MAX_S, Demand, LawMemory, LawSettings
-from formation.control.prediction import WORKSPACE, Known, LawContext, situation
-from formation.estimation.response import NEVER_NS, SECONDS, SentCommands, attitude_dead_s
-from formation.estimation.settings import ObserverSettings
-from formation.estimation.state import VehicleEstimate
-from formation.guidance.followed_leader import Guidance
+from formation.control.prediction import WORKSPACE, LawContext, situation
+from formation.estimation.response import NEVER_NS, SECONDS, attitude_dead_s
 from formation.guidance.reference_generator import SLOT
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
@@ -33,10 +30,7 @@ class Asked:
     """What our law was asked with in this tick."""
 
     settings: Rows[LawSettings]
-    observers: Rows[ObserverSettings]
-    estimates: Rows[VehicleEstimate]
-    history: Rows[SentCommands]
-    guidance: Guidance
+    context: LawContext
     memory: Rows[LawMemory]
     now_ns: int
 
@@ -63,15 +57,13 @@ class OwnLaws:
 
     def take_over(self, wanted: Rows[Demand], asked: Asked) -> Rows[Demand]:
         """The demand with what the own laws want in it; the inside of ours, which then did nothing, is 0 there."""
-        references = asked.guidance.references
+        references = asked.context.references
         forming = [i for i in range(len(wanted)) if references[i].kind == SLOT and references[i].airborne]
         self._laws = {i: law for i, law in self._laws.items() if i in forming}
         if self._failed or not forming:
             return wanted
         motions = np.empty((len(wanted), 3, 3, 4))
-        _motions(
-            asked.settings, asked.observers, asked.estimates, asked.history, asked.guidance, asked.now_ns, motions
-        )  # fmt: skip
+        _motions(asked.settings, asked.context, asked.now_ns, motions)
         try:
             answers = self._guard(
                 asked.now_ns, lambda: {i: self._answer(i, motions[i], wanted[i], asked) for i in forming}
@@ -93,7 +85,7 @@ class OwnLaws:
         self._asked = self._bodies[i]
         if not begun:
             self._laws[i] = self._make()
-        response = asked.observers[n].response
+        response = asked.context.observers[n].response
         at = Situation(
             body=self._bodies[i],
             dt_s=min((asked.now_ns - memory.asked_ns) * SECONDS, STEP_MAX_S) if begun else 0.0,
@@ -104,7 +96,7 @@ class OwnLaws:
             heading_rate_rad_s=float(motion[FRAME, 1, 3]),
             error_lead_m=wanted.e_lead_m.copy(),
             error_rate_lead_m_s=wanted.e_rate_lead_m_s.copy(),
-            disturbance_lab_m_s2=asked.estimates[n].dist_lab_m_s2.copy(),
+            disturbance_lab_m_s2=asked.context.estimates[n].dist_lab_m_s2.copy(),
             lag_s=(float(response.attitude_lag_s), float(response.thrust_lag_s)),
             saturated=bool(memory.saturated),
         )
@@ -126,12 +118,9 @@ def _point(motion: Float) -> PointMotion:
 
 
 @kernel
-def _motions(
-    settings: Rows[LawSettings], observers: Rows[ObserverSettings], estimates: Rows[VehicleEstimate],
-    history: Rows[SentCommands], guidance: Guidance, now_ns: int, out: Float,
-) -> None:  # fmt: skip
+def _motions(settings: Rows[LawSettings], context: LawContext, now_ns: int, out: Float) -> None:
     """Of each vehicle OWN, SLOT_MOTION and FRAME (m, 3, 3, 4) as our law sees them; z from the thrust's channel."""
-    context = LawContext(Known(estimates, observers, history), guidance)
+    estimates, observers = context.estimates, context.observers
     space = np.empty(2, WORKSPACE)
     for channel in range(2):
         space[channel].leader_ns[:] = NEVER_NS

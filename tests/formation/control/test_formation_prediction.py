@@ -3,14 +3,22 @@
 import numpy as np
 import pytest
 
-from formation.control.prediction import Known, disturbance_at, motion_at
-from formation.estimation.response import no_history, remember
+from formation.control.prediction import LawContext, disturbance_at, motion_at
+from formation.estimation.response import SentCommands, no_history, remember
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
-from formation.maths.records import blank
+from formation.guidance.followed_leader import as_estimated
+from formation.guidance.reference_generator import VehicleReference
+from formation.maths.records import Rows, blank
 from formation.vehicle.body import GRAVITY_M_S2
 
 T_NS, AHEAD_S = 10**9, 0.17
+NOTHING = np.zeros((3, 4))
+
+
+def _known(z: Rows[VehicleEstimate], observer: Rows[ObserverSettings], history: Rows[SentCommands]) -> LawContext:
+    """Of a vehicle that is led nowhere."""
+    return LawContext(z, observer, history, blank(VehicleReference, 0), NOTHING[0], NOTHING, as_estimated(NOTHING, 0))
 
 
 def _predicted(vel_m_s: float, push_m_s2: float, drag_1_s: float) -> np.ndarray:
@@ -22,7 +30,7 @@ def _predicted(vel_m_s: float, push_m_s2: float, drag_1_s: float) -> np.ndarray:
     observer[0].response.attitude_lag_s = observer[0].response.thrust_lag_s = 0.05
     hover = remember(no_history(1), 0, np.array([[0.0, 0.0, GRAVITY_M_S2, GRAVITY_M_S2]]))
     motion, force = np.zeros((3, 4)), np.zeros(3)
-    motion_at(Known(z, observer, hover), 0, T_NS + round(AHEAD_S * 1e9), motion, force)
+    motion_at(_known(z, observer, hover), 0, T_NS + round(AHEAD_S * 1e9), motion, force)
     assert motion[:, 1:3] == pytest.approx(np.zeros((3, 2)), abs=1e-12)
     return np.asarray(motion[:, 0])
 
@@ -44,7 +52,7 @@ def test_a_push_that_rises_goes_on_rising_for_a_tenth_of_a_second(weight: float)
     z["t_ns"], z["thrust_scale"], z["fast_weight"] = T_NS, 1.0, weight
     z["dist_lab_m_s2"], z["dist_late_lab_m_s2"] = [[2.0, -2.0, 0.0]], [[0.0, 0.0]]
     observer["commanded_index"], observer[0].parallel.bandwidth_rad_s = -1, 50.0
-    known, motion = Known(z, observer, no_history(1)), np.zeros((3, 4))
+    known, motion = _known(z, observer, no_history(1)), np.zeros((3, 4))
     motion_at(known, 0, T_NS + round(AHEAD_S * 1e9), motion, np.zeros(3))
     times_s = np.linspace(0.0, AHEAD_S, 1701)
     push = 2.0 + 2.0 * weight * (1.0 - np.exp(-10.0 * times_s))

@@ -194,7 +194,7 @@ def test_a_duplicate_sysid_is_reported_and_keeps_the_swarm_on_the_ground():
 
 def test_an_estimate_that_is_not_finite_ends_the_core():
     lab = flying()
-    lab.core._stack._memory["z_m"] = np.nan
+    lab.core._stack._memory.law["z_m"] = np.nan
     with pytest.raises(BrokenInvariantError, match="not finite"):
         lab.run(0.1)
 

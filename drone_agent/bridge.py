@@ -30,10 +30,6 @@ class BridgeConfig(GuardConfig):
     """The autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD."""
 
 
-_BITS = 10  # a byte on a serial line
-_INERTIAL_BYTES, _INERTIAL_SHARE = 75, 0.25  # of HIGHRES_IMU, framed; of the line
-
-
 class _Pump:
     """Hands what arrives to the core at once, and wakes it at its own deadlines."""
 
@@ -127,7 +123,7 @@ def imu_rate_limit_hz(autopilot: str) -> float:
         _, baud = device_and_baud(autopilot)
     except ValueError:
         return inf
-    return _INERTIAL_SHARE * baud / (_BITS * _INERTIAL_BYTES)
+    return 0.25 * baud / (10 * 75)  # a quarter of the line: ten bits a byte, 75 bytes of HIGHRES_IMU, framed
 
 
 async def _open_autopilot(text: str, sysid: int, pump: _Pump, protection: Protection) -> Link:

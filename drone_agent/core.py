@@ -31,8 +31,6 @@ from wire.mavlink.framing import Frame, MavlinkError, packed
 
 _MONITOR_PERIOD_NS = 50_000_000
 _MONITOR_PERIOD_S = _MONITOR_PERIOD_NS * 1e-9
-_OWN_READY_NS, _OWN_WAITS = 2_000_000_000, "waiting for estimator to initialize"
-_LISTED_AT_ONCE = 6
 _BURST_NS = 1_000_000_000  # of telemetry: what a socket's buffer of the default size holds
 
 
@@ -64,7 +62,9 @@ class AgentCore:
         self._t0_ns = self._now_ns = t0_ns
         start = np.array(config.start_lab_m)
         own = config.pose == "own"
-        self._estimator = Estimator(t0_ns, _OWN_READY_NS, _OWN_WAITS) if own else Estimator(t0_ns)
+        self._estimator = (
+            Estimator(t0_ns, 2_000_000_000, "waiting for estimator to initialize") if own else Estimator(t0_ns)
+        )
         self.airframe = Airframe(
             config.true_vehicle(), config.disturbance, start, config.start_yaw_rad, t0_ns,
             InertialSensor(config.inertial_error, config.sysid), self._estimator, physics, has_receiver=own,
@@ -236,7 +236,7 @@ class AgentCore:
         self._commander.answers.clear()
 
     def _list_parameters(self, start: int) -> None:
-        stop = min(start + _LISTED_AT_ONCE, len(self.parameters))
+        stop = min(start + 6, len(self.parameters))
         for index in range(start, stop):
             value = self.parameters.message(index)
             if value is not None:

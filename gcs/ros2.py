@@ -17,7 +17,7 @@ from wire.ground_state import GroundState, decode
 from wire.logs.live import QUEUED, LiveLog, keys
 from wire.process.daemon import GROUND_REMEDY, EventSink, Precondition, Stop, beside, first_of, report_missing
 from wire.process.system import own_name
-from wire.ros2.flight import OK, TF_STATIC, Flight, Shown, diagnostics, fault_status, phase_status, static_frames
+from wire.ros2.flight import TF_STATIC, Flight, Level, Shown, diagnostics, fault_status, phase_status, static_frames
 from wire.ros2.message_types import Values
 from wire.ros2.node import Graph, Node, Reply
 from wire.schema import schema_of
@@ -98,7 +98,7 @@ class Shows:
 
     def _slow(self, state: GroundState, unix_ns: int) -> Iterator[Shown]:
         faults = {str(status[1]): status for status in (fault_status(alarm, is_over=False) for alarm in state.alarms)}
-        over = [(OK, *status[1:]) for name, status in self._faults.items() if name not in faults]
+        over = [(Level.OK, *status[1:]) for name, status in self._faults.items() if name not in faults]
         self._faults = faults
         phase = phase_status(PhaseChange(state.phase, state.cause, state.cause_code))
         yield diagnostics((phase, *faults.values(), *over), unix_ns)

@@ -96,7 +96,6 @@ M = TypeVar("M", bound=Model)
 
 SHORT, LONG = 8, 80
 """So many numbers of a list are shown, and so many characters of a value."""
-ELSEWHERE_MOST = 2
 REASONS = {
     "missing": "is missing",
     "extra_forbidden": "is not a known key",
@@ -214,7 +213,7 @@ def _shown(value: object) -> str:
 
 def _belongs(tables: list[str]) -> str:
     """Where an unknown key would be known; nothing for one that is unknown everywhere, or known everywhere."""
-    if not tables or len(tables) > ELSEWHERE_MOST:
+    if not tables or len(tables) > 2:
         return ""
     where = " or ".join(f"in {table}" if table else "at the top of the file, before any table" for table in tables)
     return f": it belongs {where}"

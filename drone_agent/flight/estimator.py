@@ -19,9 +19,6 @@ from formation.maths.quaternion import heading_of
 
 _AGE_MAX_NS = 500_000_000
 _FRESH_NS = 300_000_000
-_READY_AFTER_NS = 1_000_000_000
-_RESETS = 5
-"""Of the position while rejected; then it is fused no more (EKF2's `_nb_ev_pos_reset_available`)."""
 _REST_M_S = 0.03
 _UNSTEADY = "external pose not steady yet"
 _FIX = Fusion(np.array([0.001, 0.01, 5.0, 5.0]), 1.0, 5.0)
@@ -42,7 +39,7 @@ class ExternalPose(NamedTuple):
 class Estimator:
     """Of one autopilot, which boots at t0_ns, standing level."""
 
-    def __init__(self, t0_ns: int, ready_after_ns: int = _READY_AFTER_NS, waits: str = _UNSTEADY) -> None:
+    def __init__(self, t0_ns: int, ready_after_ns: int = 1_000_000_000, waits: str = _UNSTEADY) -> None:
         """ready_after_ns: how long poses must have come without a gap before one may arm on them; waits: said until."""
         self._x, self._cov = np.empty(16), np.empty((ekf.ERRORS, ekf.ERRORS))
         self._history = np.full((ekf.HISTORY, 5), -math.inf)
@@ -59,7 +56,8 @@ class Estimator:
         self._fused_ns: list[int | None] = [None, None, None]
         self._was_ready = False
         self._since_ns = 0  # start of the present unbroken run of fused poses
-        self._resets = _RESETS
+        # Of the position while rejected; then it is fused no more (EKF2's `_nb_ev_pos_reset_available`).
+        self._resets = 5
         self._valid_ns = 0
         self._reject_reason = "no external pose"
 

@@ -100,9 +100,6 @@ SETS_MODE = frozenset(
 
 _ROWS = {row.number: row for row in ALLOWED}
 _COMMANDS = {row.number: row for row in ALLOWED_COMMANDS}
-_COMMAND_MESSAGES, _COMMAND_AT = (75, 76), slice(28, 30)
-_ARM_DISARM, _ACTION, _FORCE, _ZERO = 400, slice(0, 4), slice(4, 8), b"\0" * 4
-_LONGEST = 255
 
 
 def reject_reason(version: int, number: int, payload: bytes, sysid: int, *, armed: bool) -> str:
@@ -119,21 +116,23 @@ def reject_reason(version: int, number: int, payload: bytes, sysid: int, *, arme
         return ARMED
     if row.target_at is None:
         return ""
-    whole = payload.ljust(_LONGEST, b"\0")
+    whole = payload.ljust(255, b"\0")
     if whole[row.target_at] != sysid:
         return OTHER_SYSTEM
-    return _command_reject_reason(whole, armed=armed) if number in _COMMAND_MESSAGES else ""
+    return (
+        _command_reject_reason(whole, armed=armed) if number in (MessageId.COMMAND_INT, MessageId.COMMAND_LONG) else ""
+    )
 
 
 def _command_reject_reason(payload: bytes, *, armed: bool) -> str:
-    command = int.from_bytes(payload[_COMMAND_AT], "little")
+    command = int.from_bytes(payload[28:30], "little")
     row = _COMMANDS.get(command)
     if row is None:
         return UNLISTED_COMMAND
     if armed and row.when is MotorState.DISARMED:
         return ARMED
-    forces_arming = payload[_ACTION] != _ZERO and payload[_FORCE] != _ZERO
-    return PAST_CHECKS if command == _ARM_DISARM and forces_arming else ""
+    forces_arming = any(payload[0:4]) and any(payload[4:8])  # what to do, and the number that forces it
+    return PAST_CHECKS if command == MavCommand.COMPONENT_ARM_DISARM and forces_arming else ""
 
 
 def list_reject_reason(frame: Frame, sysid: int, *, armed: bool) -> str:

@@ -20,10 +20,6 @@ from formation.navigation.receive import Input, Ints, RejectReason
 from formation.navigation.state import Airframe, Body, Estimate
 
 SOURCES = ("pose position", "pose attitude", "autopilot attitude", "thrust")
-FIRST_NOISE = (1e-6, 4e-6, 4e-6, 0.25)
-"""Variances before they are learned: 1 mm, 2 mrad, 2 mrad, 0.5 m/s^2, squared."""
-FIRST_FORCE_M_S2, FIRST_RATE_RAD_S = 0.3, 0.02
-"""RMS noise of an inertial sample before it is learned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,9 +70,10 @@ class Navigator:
             body.estimate.q_lab_from_flu[:] = IDENTITY
             body.estimate.thrust_scale = 1.0
             body.estimate.thrust_m_s2 = np.nan
-            body.noise.source[:] = FIRST_NOISE
-            body.noise.force_m2_s4[:] = FIRST_FORCE_M_S2**2
-            body.noise.rate_rad2_s2[:] = FIRST_RATE_RAD_S**2
+            # Before they are learned: 1 mm, 2 mrad, 2 mrad, 0.5 m/s^2; an inertial sample's 0.3 m/s^2 and 0.02 rad/s.
+            body.noise.source[:] = (1e-6, 4e-6, 4e-6, 0.25)
+            body.noise.force_m2_s4[:] = 0.3**2
+            body.noise.rate_rad2_s2[:] = 0.02**2
             body.airframe.drag_flu_1_s[:] = known.drag_flu_1_s
             body.airframe.thrust_dead_time_ns = known.thrust_dead_time_ns
             body.airframe.thrust_lag_s = known.thrust_lag_s

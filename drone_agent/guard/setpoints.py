@@ -28,7 +28,6 @@ AHEAD_MAX_MS = 50.0
 """By which a stamp may seem to be of the future: half of what an exchange over a slow link may be off by."""
 _OTHER_CLOCK_MS = 2000.0
 _SENDERS = 8
-_HALF = 1 << 31
 ASK_NS = 200_000_000
 
 
@@ -88,7 +87,7 @@ class SetpointFilter:
             if not fresh and (sender.on_clock or AGE_MAX_MS < age_ms < _OTHER_CLOCK_MS):
                 return RejectReason.STALE
         if sender.last_ms is not None and self._orders:
-            newer_ms = (stamp_ms - sender.last_ms + _HALF) % (2 * _HALF) - _HALF
+            newer_ms = (stamp_ms - sender.last_ms + 2**31) % 2**32 - 2**31
             if newer_ms < 0 or (newer_ms == 0 and sender.on_clock):
                 return RejectReason.OLD
         sender.last_ms = stamp_ms
@@ -151,8 +150,13 @@ def _tilted_less(q_lab_from_flu: Quat) -> Quat:
     return canonical(multiply(from_rotation_vector(tilt), heading))
 
 
-_GLOBAL_POSITION_TARGET = 86
-SETPOINTS = frozenset({MessageId.SET_ATTITUDE_TARGET, MessageId.SET_POSITION_TARGET_LOCAL_NED, _GLOBAL_POSITION_TARGET})
+SETPOINTS = frozenset(
+    {
+        MessageId.SET_ATTITUDE_TARGET,
+        MessageId.SET_POSITION_TARGET_LOCAL_NED,
+        MessageId.SET_POSITION_TARGET_GLOBAL_INT,
+    }
+)
 
 
 class FilteredSetpoint(NamedTuple):

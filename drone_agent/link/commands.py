@@ -44,7 +44,6 @@ _LOCAL_FRAMES = frozenset(
         MavFrame.LOCAL_FLU,
     }
 )
-_REPOSITION_CHANGES_MODE = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +128,7 @@ class Commander:
         return self._pilot.take_off(now_ns, height_m)
 
     def _reposition(self, order: Order, now_ns: int) -> Result:
-        if not _int(order.params[1]) & _REPOSITION_CHANGES_MODE:
+        if not _int(order.params[1]) & 1:  # MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
             return Result.UNSUPPORTED
         pilot = self._pilot
         here = pilot.belief.pos_lab_m

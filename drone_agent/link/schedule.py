@@ -7,7 +7,6 @@ rate the raster does not divide is met on average. A late look sends once; who i
 from collections.abc import Collection, Mapping
 
 RASTER_NS = 10_000_000
-LONGEST_US = 2**31 - 1
 _OFF = 2**63
 
 
@@ -40,7 +39,7 @@ class Schedule:
 
         False for a message this drone does not have, or an interval that MESSAGE_INTERVAL (int32, us) cannot report.
         """
-        if number not in self._defaults or not abs(interval_us) <= LONGEST_US:  # NaN, too
+        if number not in self._defaults or not abs(interval_us) < 2**31:  # NaN, too
             return False
         if interval_us == 0.0:
             period = _period(self._defaults[number])

@@ -46,7 +46,6 @@ _CONTROL = (
     | SensorFlag.MOTOR_OUTPUTS
 )
 _PRESENT = _SENSORS | _CONTROL | SensorFlag.AHRS | SensorFlag.BATTERY | SensorFlag.PREARM_CHECK
-_LOAD = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +84,7 @@ def _sys_status(t: Telemetry, now_ns: int) -> LinkMessage:
         present, healthy = present | SensorFlag.GEOFENCE, healthy | SensorFlag.GEOFENCE
         enabled |= SensorFlag.GEOFENCE if pilot.parameters[fence] else 0
     pack = pilot.vehicle.pack
-    return SysStatus(present, enabled, healthy, _LOAD, pack.voltage_v, pack.current_a, pack.remaining)
+    return SysStatus(present, enabled, healthy, 0.2, pack.voltage_v, pack.current_a, pack.remaining)
 
 
 def _attitude(t: Telemetry, _now_ns: int) -> LinkMessage:

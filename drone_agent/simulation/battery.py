@@ -8,8 +8,6 @@ _CELL_FULL_V = 4.2
 _CELL_EMPTY_V = 3.3
 # The knee of a LiPo's resting curve: flat in the middle, steep below a tenth.
 _REST_CURVE = ((0.0, _CELL_EMPTY_V), (0.1, 3.68), (0.5, 3.82), (0.9, 4.08), (1.0, _CELL_FULL_V))
-_SAG_AT_HOVER_V = 0.12
-_IDLE_CURRENT_FRACTION = 0.03
 
 
 class BatteryPack:
@@ -28,7 +26,7 @@ class BatteryPack:
 
     def drain(self, thrust_to_weight: float, dt_s: float) -> None:
         """Spend `dt_s` at a collective thrust: induced power goes with thrust to the power 3/2."""
-        load = max(thrust_to_weight, 0.0) ** 1.5 + _IDLE_CURRENT_FRACTION
+        load = max(thrust_to_weight, 0.0) ** 1.5 + 0.03  # of hovering, at rest
         self.current_a = self.profile.hover_current_a * load
         self.used_mah = min(self.used_mah + self.current_a * dt_s / 3.6, self.profile.capacity_mah)
         self.thrust_scale = self._thrust_scale()
@@ -40,8 +38,8 @@ class BatteryPack:
 
     @property
     def cell_v(self) -> float:
-        """Voltage of each cell: resting voltage at this charge less the sag of the present current."""
-        sag = _SAG_AT_HOVER_V * self.current_a / self.profile.hover_current_a
+        """Voltage of each cell: resting voltage at this charge less the sag of the present current, 0.12 V in hover."""
+        sag = 0.12 * self.current_a / self.profile.hover_current_a
         return max(_rest_v(self.remaining) - sag, 0.0)
 
     @property

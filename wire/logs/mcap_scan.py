@@ -38,7 +38,6 @@ WORK_LEAST, WORK_A_BYTE = 1 << 26, 100
 their size."""
 RECORDS_LEAST, BYTES_A_RECORD = 1 << 17, 4
 """Records read in all: these, and one more for so many bytes of the file."""
-_NOTES = 5
 _KINDS: dict[int, type[Schema | Channel | Metadata | DataEnd]] = {
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
@@ -79,7 +78,7 @@ class Damage:
     def note(self, text: str) -> None:
         """One more fault."""
         self.faults += 1
-        if len(self.notes) < _NOTES:
+        if len(self.notes) < 5:
             self.notes.append(text)
 
     def text(self) -> str:

@@ -52,10 +52,7 @@ from wire.schema import schema_of
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_INDEX = struct.Struct("<BQHI")
-_MESSAGE_FIXED = 22
 _FOOTER_START = struct.Struct("<BQQQ")
-_BLOCK = 1 << 20
-"""Bytes of the chunks' index copied at a time."""
 
 
 Stored = tuple[int, int, bytes]
@@ -65,7 +62,7 @@ Stored = tuple[int, int, bytes]
 def message_record(channel: int, sequence: int, t_ns: int, data: bytes) -> Stored:
     """A message ready for `McapFile.write_chunk`; ValueError unless 0 <= t_ns < 2**64."""
     try:
-        head = _MESSAGE.pack(Opcode.MESSAGE, _MESSAGE_FIXED + len(data), channel, sequence & 0xFFFFFFFF, t_ns, t_ns)
+        head = _MESSAGE.pack(Opcode.MESSAGE, _MESSAGE.size - 9 + len(data), channel, sequence & 0xFFFFFFFF, t_ns, t_ns)
     except struct.error as error:
         raise ValueError(f"t_ns {t_ns} does not fit a log") from error
     return channel, t_ns, head + data
@@ -201,9 +198,9 @@ def _write_all(stream: RawIOBase, data: bytes) -> None:
 
 
 def _blocks(file: RawIOBase) -> Iterator[bytes]:
-    """What the file holds, from its beginning."""
+    """What the file holds, from its beginning, a MiB at a time."""
     file.seek(0)
-    while block := file.read(_BLOCK):
+    while block := file.read(1 << 20):
         yield block
 
 
@@ -239,7 +236,6 @@ def _message_indexes(entries: Mapping[int, list[int]], position: int) -> tuple[b
 Share = Callable[[bytes, bytes], None]
 """(the file up to its first chunk, one chunk): together they are a log."""
 _LIBRARY = "mavlink-formation"
-_CHUNK_PERIOD_S, _CALM_PERIOD_S = 0.02, 0.2
 _CHUNK_MESSAGES = 1000
 _BEHIND_NS = 500_000_000
 _PENDING_MESSAGES = 100_000  # some fifty seconds of a stalled disk
@@ -355,7 +351,7 @@ class LogWriter:
 
     def _run(self) -> None:
         lower_priority()  # it has a queue, and compresses; what it records for may not wait
-        while not self._closing.wait(_CALM_PERIOD_S if self._calm else _CHUNK_PERIOD_S):
+        while not self._closing.wait(0.2 if self._calm else 0.02):
             self._drain()
 
     def _drain(self) -> None:
@@ -386,12 +382,9 @@ def _dated(start: ClockPair) -> dict[str, str]:
     }
 
 
-DATE_NS = 60_000_000_000
-
-
 async def record_dates(log: LogWriter, clock: Clock) -> None:
     """Record a pair of both clocks at once, and one a minute; for ever."""
     while True:
         pair = clock.pair()
         log.write(topics.CLOCK, pair, pair.monotonic_ns)
-        await clock.sleep_until_ns(pair.monotonic_ns + DATE_NS)
+        await clock.sleep_until_ns(pair.monotonic_ns + 60_000_000_000)

@@ -44,7 +44,6 @@ _VECTORS = ("pos", "vel", "att", "dist", "ref", "err", "acc")
 _SCALARS = ("thrust", "age_s")
 _COMMANDED_ALONE = frozenset({"ref", "err", "acc", "thrust"})
 _PARTS = {"Vector": ("x", "y", "z"), "Angles": ("roll", "pitch", "yaw")}
-_VECTOR_SIZE = 3 * 5
 
 
 def state_descriptor() -> bytes:
@@ -74,7 +73,7 @@ class _Rows:
             if name not in fields:
                 continue
             if name in _VECTORS:
-                template += bytes((number << 3 | BYTES, _VECTOR_SIZE))
+                template += bytes((number << 3 | BYTES, 3 * 5))
                 offsets[name] = len(template) + 1
                 template += b"".join(bytes((part << 3 | FIXED32, 0, 0, 0, 0)) for part in (1, 2, 3))
             else:
@@ -242,8 +241,8 @@ def _share(remaining: float) -> float:
     return remaining if 0.0 <= remaining <= 1.0 else _NAN
 
 
-STATE_NS, FRAMES_NS, SLOTS_NS, LINK_NS = 70_000_000, 70_000_000, 200_000_000, 1_000_000_000
-POINT_NS, TRAIL_NS, SCENE_NS = 200_000_000, 2_000_000_000, 10_000_000_000
+LINK_NS = 1_000_000_000
+"""Between two shown states of a link."""
 CALM_NS = 100_000_000
 """The least spacing of frames while nobody is armed."""
 CALM = frozenset({m.Phase.GROUND})
@@ -309,15 +308,15 @@ class _Flight:
         self._trails = add_channel("/scene/trails", *_foxglove(SceneUpdate))
         self._states = DroneStates(len(self._bodies), lab.commanded)
         self._limiters = {
-            "state": _RateLimiter(STATE_NS),
-            "tf": _RateLimiter(FRAMES_NS),
-            "slots": _RateLimiter(SLOTS_NS),
+            "state": _RateLimiter(70_000_000),
+            "tf": _RateLimiter(70_000_000),
+            "slots": _RateLimiter(200_000_000),
         }
         self._slow_limiters = {
             "link": _RateLimiter(LINK_NS),
-            "scene": _RateLimiter(SCENE_NS),
-            "point": _RateLimiter(POINT_NS),
-            "trail": _RateLimiter(TRAIL_NS),
+            "scene": _RateLimiter(10_000_000_000),
+            "point": _RateLimiter(200_000_000),
+            "trail": _RateLimiter(2_000_000_000),
         }
         self._tick: dict[type, object] = {}
         self._trails_m: list[list[tuple[float, float, float]]] = [[] for _ in self._bodies]

@@ -35,13 +35,9 @@ from wire.text import plain
 
 UNKNOWN_COVARIANCE = (math.nan, *(0.0,) * 20)
 """One whose first element is NaN is unknown, says MAVLink; the rest stays zero and costs no bytes."""
-_MOST_16, _MOST_32 = 2**15 - 1, 2**31 - 1
 _ACCELEROMETER, _GYROSCOPE = 0x07, 0x38
 """Bits of HIGHRES_IMU_UPDATED_FLAGS."""
-_BODY_FRD = 12
 _HEADING_UNKNOWN, _NO_CELL = 65535, 65535
-_LIPO, _ALL_SYSTEMS, _TEMPERATURE_UNKNOWN = 1, 1, 32767
-_NOT_TO_FLY_BY = (3, 4)  # MAV_BATTERY_FUNCTION_AVIONICS, _PAYLOAD
 _NO_ATTITUDE, _NO_THRUST = int(Ignore.ATTITUDE), int(Ignore.THRUST)  # plain, for every packet
 _PARAM_NAME = re.compile(r"[A-Za-z0-9_]{1,16}")
 
@@ -164,12 +160,12 @@ def _param_name(field: bytes) -> str:
 
 def _mm(metres: float) -> int:
     """Millimetres in 32 bits, held at their ends."""
-    return min(max(round(metres * 1e3), -_MOST_32), _MOST_32)
+    return min(max(round(metres * 1e3), -(2**31) + 1), 2**31 - 1)
 
 
 def _cm_s(vel_lab_m_s: Vec3) -> list[int]:
     """North, east, down in 16 bits: what is faster than 327 m/s reads as 327 m/s, as autopilots send it."""
-    return [min(max(round(v * 100.0), -_MOST_16), _MOST_16) for v in ned(vel_lab_m_s)]
+    return [min(max(round(v * 100.0), -32767), 32767) for v in ned(vel_lab_m_s)]
 
 
 def _heading(heading_rad: float | None) -> int:
@@ -256,12 +252,12 @@ def _write_odometry(o: m.Odometry) -> Written:
     pose = (*ned(o.pos_lab_m), *q_ned_from_frd(o.q_lab_from_flu))
     rates = (*ned(o.vel_flu_m_s), *ned(o.rate_flu_rad_s))
     tail = (*UNKNOWN_COVARIANCE, *UNKNOWN_COVARIANCE, o.reset_counter, int(o.estimator), 0)
-    return ODOMETRY, (o.t_us, int(o.frame), _BODY_FRD, *pose, *rates, *tail)
+    return ODOMETRY, (o.t_us, int(o.frame), int(m.MavFrame.BODY_FRD), *pose, *rates, *tail)
 
 
 def _read_odometry(f: Fields) -> m.Odometry | m.UnknownMessage:
     """Unknown where the velocity is not in BODY_FRD, as in PX4's own telemetry: nobody here reads that."""
-    if f[2] != _BODY_FRD:
+    if f[2] != m.MavFrame.BODY_FRD:
         return m.UnknownMessage(ODOMETRY.id)
     return m.Odometry(
         t_us=f[0],
@@ -303,13 +299,13 @@ def _write_battery(b: m.Battery) -> Written:
     first = (*cells[:10], *(_NO_CELL,) * (10 - len(cells)))
     more = (*cells[10:], *(0,) * (4 - max(0, len(cells) - 10)))
     used = (_count(b.current_a, 1e2, -1), _count(b.consumed_mah, 1.0, -1), -1)
-    kind = (0, _ALL_SYSTEMS, _LIPO, _TEMPERATURE_UNKNOWN)
+    kind = (0, 1, 1, 32767)  # the first, for all systems, LiPo, of an unknown temperature
     return BATTERY_STATUS, (*kind, *first, *used, _count(b.remaining, 1e2, -1), 0, 0, *more, 0, 0)
 
 
 def _read_battery(f: Fields) -> m.Battery | m.UnknownMessage:
     """Of the first battery alone, where it is one to fly by: of another's charge nothing follows for the flight."""
-    if f[0] != 0 or f[1] in _NOT_TO_FLY_BY:
+    if f[0] != 0 or f[1] in (3, 4):  # MAV_BATTERY_FUNCTION_AVIONICS, _PAYLOAD
         return m.UnknownMessage(BATTERY_STATUS.id)
     cells = [v * 1e-3 for v in f[4:14] if v != _NO_CELL] + [v * 1e-3 for v in f[20:24] if v]
     used = (_read_count(f[14], 1e2, -1), _read_count(f[15], 1.0, -1))

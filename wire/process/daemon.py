@@ -22,7 +22,6 @@ from wire.text import plain
 
 EventSink = Callable[[Event], None]
 """Where a daemon's events go."""
-_ERROR_MOST = 300
 
 
 class LoopErrors:
@@ -36,7 +35,7 @@ class LoopErrors:
         """Receive what asyncio hands to an exception handler."""
         error = context.get("exception")
         why = "" if error is None else f": {type(error).__name__}: {error}"
-        self._log.note("event loop", plain(f"{context['message']}{why}", _ERROR_MOST), clock.monotonic_ns())
+        self._log.note("event loop", plain(f"{context['message']}{why}", 300), clock.monotonic_ns())
         if not self._waits:
             self._report_due()
 
@@ -112,7 +111,7 @@ def _report_error(task: "asyncio.Task[None]") -> None:
 
 PATIENCE_S = 0.5
 """No report before that, s: processes started together are there by then."""
-_POLL_S, _ASK_EVERY = 0.2, 10
+_POLL_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +155,7 @@ async def report_missing(
     polls, there = 0, ""
     while missing:
         notify(f"STATUS=waiting for {', '.join(need.what for need in missing)}")
-        if not there and polls % _ASK_EVERY == 0 and (there := await others()):
+        if not there and polls % 10 == 0 and (there := await others()):
             report(
                 Event(Severity.NOTICE, source, f"on the bus, but not of this lab: {there}. Is the lab's name right?")
             )

@@ -9,9 +9,6 @@ from types import FrameType
 
 from formation.own_law.law import Answer, LawOverrunError
 
-SLOW_CALLS = 2
-"""Calls slower than usual after which there is no other."""
-
 
 class Deadline:
     """Ends a call by LawOverrunError: formation.own_law.law.LawGuard.
@@ -52,7 +49,7 @@ class Deadline:
     def _judge(self, took_s: float) -> None:
         """LawOverrunError at the second call that took longer than usual."""
         self._slow_calls += took_s > self._usual_s
-        if self._slow_calls >= SLOW_CALLS:
+        if self._slow_calls >= 2:
             self._slow_calls = 0
             raise LawOverrunError(f"more than {1e3 * self._usual_s:g} ms twice, now {1e3 * took_s:.1f} ms")
 

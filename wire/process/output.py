@@ -10,8 +10,6 @@ from queue import Full, Queue
 from threading import Lock, Thread
 from typing import Any
 
-_PIECES_MOST, _DRAIN_S = 1000, 1.0
-
 
 class DroppingStream(io.TextIOBase):
     """A text stream to a descriptor that never raises and never waits: a thread of its own writes."""
@@ -23,7 +21,7 @@ class DroppingStream(io.TextIOBase):
         self._descriptor = descriptor
         self._text = ""
         self._lock = Lock()
-        self._pieces: Queue[bytes] = Queue(_PIECES_MOST)
+        self._pieces: Queue[bytes] = Queue(1000)
         Thread(target=self._write_pieces, name="output", daemon=True).start()
 
     def write(self, text: str) -> int:
@@ -48,7 +46,7 @@ class DroppingStream(io.TextIOBase):
         """Wait until everything is written, within a limit."""
         self.flush()
         with self._pieces.all_tasks_done:
-            self._pieces.all_tasks_done.wait_for(lambda: not self._pieces.unfinished_tasks, _DRAIN_S)
+            self._pieces.all_tasks_done.wait_for(lambda: not self._pieces.unfinished_tasks, timeout=1.0)
 
     def isatty(self) -> bool:
         """Whether a person looks on."""

@@ -11,7 +11,6 @@ from wire.text import plain
 
 _PROC = Path("/proc")
 _LISTENS, _BOUND = "0A", "07"  # net/tcp_states.h, as /proc/net/tcp and /proc/net/udp have them
-_COMMAND_MOST = 60
 
 
 def why_not_bound(error: OSError, kind: str, port: int) -> str:
@@ -33,7 +32,7 @@ def port_holder(kind: str, port: int) -> str:
             if str(link.readlink()) in sockets:
                 process = link.parts[2]
                 words = (_PROC / process / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace")
-                return f"{plain(words.strip(), _COMMAND_MOST)} (process {process})"
+                return f"{plain(words.strip(), 60)} (process {process})"
     return "another program"
 
 

@@ -12,8 +12,6 @@ from formation.maths.kernel import CHANGED, compiling, kernel_counts
 from formation.maths.kernel_cache import is_cache_temporary
 from wire.clock import monotonic_ns
 
-SELDOM = 10
-"""Where nobody looks on, in a file, every tenth step is enough."""
 WarmUp = Callable[[], None]
 
 
@@ -39,7 +37,7 @@ def compile_all(program: str, warm_up: WarmUp, stream: TextIO, beside: WarmUp | 
             print(f"{program}: this numba's {CHANGED} is new to us: compiling takes longer", file=stream, flush=True)
         if stream.isatty():
             print(f"\r{text[:100]:100}", end="", file=stream, flush=True)
-        elif first is None or count % SELDOM == 1:
+        elif first is None or count % 10 == 1:  # nobody looks on
             print(text, file=stream, flush=True)
         first = first_s, first_count
 

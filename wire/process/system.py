@@ -60,8 +60,6 @@ def safe_path_for_pools() -> Iterator[None]:
 REAL_TIME_PRIORITY = 10
 """One of SCHED_FIFO's 1 to 99: before all ordinary processes, behind the kernel's own threads (50)."""
 NICE = -10
-_LOCK_ALL_ON_FAULT = 1 | 2 | 4
-"""MCL_CURRENT, MCL_FUTURE and MCL_ONFAULT: pages stay once they were used; unused ones take no memory."""
 
 
 def run_before_others() -> str:
@@ -117,7 +115,8 @@ def _nice() -> str:
 def _lock_memory() -> str:
     import ctypes  # which a stop does without
 
-    failed = ctypes.CDLL(None, use_errno=True).mlockall(_LOCK_ALL_ON_FAULT)
+    # MCL_CURRENT, MCL_FUTURE and MCL_ONFAULT: pages stay once they were used; unused ones take no memory.
+    failed = ctypes.CDLL(None, use_errno=True).mlockall(1 | 2 | 4)
     return f"memory not locked ({os.strerror(ctypes.get_errno())})" if failed else "memory locked"
 
 

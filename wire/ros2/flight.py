@@ -15,6 +15,7 @@ up. `map` is REP-105's name for a frame that stands still. Standard messages alo
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from enum import IntEnum
 from math import isfinite
 
 from formation.config import LabConfig
@@ -34,11 +35,18 @@ _OF_DRONE = {
     "battery_state": "sensor_msgs/msg/BatteryState",
 }
 _MAP = "map"
-OK, WARN, ERROR = 0, 1, 2
 _UNKNOWN_COVARIANCE = (0.0,) * 36
-_UNKNOWN_SUPPLY = (0, 0, 0)
+_UNKNOWN_SUPPLY = (0,) * 3
 """Status, health, technology."""
-_NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
+
+
+class Level(IntEnum):
+    """Of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
 
 Shown = tuple[str, Values]
 """(topic, message)."""
@@ -138,7 +146,7 @@ class Flight:
 
 def static_frames(unix_ns: int) -> Shown:
     """The frames that stand still."""
-    return TF_STATIC, (((*_stamp(unix_ns), _MAP, LAB, 0.0, 0.0, 0.0, *_NO_ROTATION),),)
+    return TF_STATIC, (((*_stamp(unix_ns), _MAP, LAB, *(0.0,) * 6, 1.0),),)
 
 
 def diagnostics(statuses: Iterable[Values], unix_ns: int) -> Shown:
@@ -148,13 +156,13 @@ def diagnostics(statuses: Iterable[Values], unix_ns: int) -> Shown:
 
 def phase_status(change: PhaseChange) -> Values:
     """The flight's phase."""
-    return OK, "formation: phase", f"{change.phase.name}: {change.cause}", "", (("cause", change.code),)
+    return Level.OK, "formation: phase", f"{change.phase.name}: {change.cause}", "", (("cause", change.code),)
 
 
 def fault_status(fault: Event | Alarm, is_over: bool) -> Values:
     """An alarm, or an event; one of the same condition has the same name."""
-    level = OK if is_over or fault.severity > Severity.WARNING else WARN
-    level = ERROR if level == WARN and fault.severity <= Severity.ERROR else level
+    level = Level.OK if is_over or fault.severity > Severity.WARNING else Level.WARN
+    level = Level.ERROR if level == Level.WARN and fault.severity <= Severity.ERROR else level
     name = " ".join(filter(None, fault.key))
     return level, f"formation: {name}", fault.text, fault.subject, (("severity", fault.severity.name),)
 

@@ -24,7 +24,6 @@ TEXT: Layout = ()
 _SEPARATOR = "=" * 80
 _HEADER = bytes((0, 1, 0, 0))
 """Of a CDR in little-endian byte order."""
-_PADDING_MOST = 3
 _CODES = {
     "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i",
     "uint32": "I", "int64": "q", "uint64": "Q", "float32": "f", "float64": "d",
@@ -101,7 +100,7 @@ class MessageType:
             values, end = _read(self.layout, body, 0)
         except struct.error as error:
             raise CdrError(f"{self.name}: ends too early") from error
-        if len(body) - end > _PADDING_MOST:
+        if len(body) - end > 3:  # padding
             raise CdrError(f"{self.name}: {len(body) - end} bytes too long")
         return values
 

@@ -26,11 +26,8 @@ from wire.transport.zenoh_session import RETRY, zenoh_config
 
 _ATTACHED = struct.Struct("<qqB16s")
 _GID_BYTES = 16
-_QUEUED = 256
 _QOS, _LATCHED_QOS = "::,10:,:,:,,", ":1:,1:,:,:,,"
 """Reliable, volatile, the last ten kept; and transient local, the last one kept."""
-# A client's first connection is waited for in a thread, which nothing ends; later ones Zenoh tries for ever.
-_CONNECT_MS, _AGAIN_S = 1000, 0.1
 
 Receive = Callable[[str, bytes, int], None]
 """Receives a message: its type's name in keys, its CDR, and when it came (the node's clock, ns)."""
@@ -102,7 +99,7 @@ class Node:
                 if session.info.routers_zid():
                     return cls(session, graph, clock)
                 await asyncio.to_thread(session.close)
-            await asyncio.sleep(_AGAIN_S)
+            await asyncio.sleep(0.1)
 
     @property
     def is_joined(self) -> bool:
@@ -169,7 +166,7 @@ class Node:
         await asyncio.to_thread(self._session.close)
 
     def _inbox(self, receive: Callable[[Any], None]) -> Inbox[Any]:
-        inbox = Inbox(self._loop, receive, self.counters, _QUEUED)
+        inbox = Inbox(self._loop, receive, self.counters, 256)
         self._inboxes.append(inbox)
         return inbox
 
@@ -201,7 +198,8 @@ def _configuration(router: str) -> zenoh.Config:
     values = {
         "mode": "client",
         "connect/endpoints": [router],
-        "connect/timeout_ms": _CONNECT_MS,
+        # A client's first connection is waited for in a thread, which nothing ends; later ones Zenoh tries for ever.
+        "connect/timeout_ms": 1000,
         "connect/retry": RETRY,
         "scouting/multicast/enabled": False,
         "transport/shared_memory/enabled": False,

@@ -27,8 +27,6 @@ from wire.security.private_keys import (
     write_private,
 )
 
-_ANY_PORT = 9  # of "discard"; nothing is sent
-
 
 def address_towards(host: str) -> str:
     """This machine's address on the way to a host, by its routes; `host` itself where it is any address. OSError."""
@@ -37,7 +35,8 @@ def address_towards(host: str) -> str:
             return host
     except ValueError:
         pass  # a name
-    (family, kind, _, _, where), *_ = socket.getaddrinfo(host, _ANY_PORT, type=socket.SOCK_DGRAM)
+    discard = 9  # any port: nothing is sent
+    (family, kind, _, _, where), *_ = socket.getaddrinfo(host, discard, type=socket.SOCK_DGRAM)
     with socket.socket(family, kind) as probe:
         probe.connect(where)
         return str(probe.getsockname()[0])

@@ -33,10 +33,9 @@ ACCESS, AUTOPILOT, STAMP = "access.json", "autopilot.key", "stamp"
 INSTALLED = "autopilot-installed.key"
 REVOKED_NAMES = "revoked-names"
 HUB, TOKENS, STOP_KEY = "loopback", "tokens", "stop.key"
-OPERATIONS, OPERATIONS_SHOWN = "operations.log", 100
+OPERATIONS = "operations.log"
 KEY_BYTES = 32
 """Length of a MAVLink signing key."""
-_LOOSE = 0o077
 
 
 def keys_folder(keys: str, lab_file: Path) -> Path:
@@ -52,7 +51,7 @@ def demand_private(path: Path) -> None:
         raise ConfigError(
             [f"{path}: {error.strerror}: make keys with `gcs keys new`, or `gcs keys install`"]
         ) from error
-    if found.st_mode & _LOOSE:
+    if found.st_mode & (stat.S_IRWXG | stat.S_IRWXO):
         wanted = "700" if stat.S_ISDIR(found.st_mode) else "600"
         raise ConfigError([f"{path}: open to others (mode {found.st_mode & 0o777:o}): chmod {wanted} {path}"])
     if found.st_uid not in (0, os.getuid()):
@@ -150,7 +149,7 @@ def read_operations(keys: Path) -> str:
         lines = read_text(keys / OPERATIONS).splitlines()
     except (OSError, ValueError):
         return ""
-    return "\n".join(lines[-OPERATIONS_SHOWN:])
+    return "\n".join(lines[-100:])
 
 
 class StampFile:

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from formation.security_config import SecurityConfig
 
 INSECURE = "--insecure: no link is authenticated, whoever reaches this network can command the drones"
-REMIND_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +123,7 @@ class Protection:
             await asyncio.sleep(StampFile.PERIOD_S)
         while self.bus.insecure:
             report(Event(Severity.WARNING, "security", INSECURE, lasts=True, code=EventCode.INSECURE))
-            await asyncio.sleep(REMIND_S)
+            await asyncio.sleep(60.0)
 
     def _attend_once(self) -> None:
         """In a thread: a disk may answer late."""

@@ -87,8 +87,6 @@ SUPERSEDED = frozenset(
 """Streams of which the newest message says all: states, not events and not sums. Of named values, of each name."""
 
 _Stream = tuple[int, int, int, bytes]
-_NAME_AT = 18
-"""Where the name of a NAMED_VALUE_FLOAT begins in its frame: after the head, a time and a value."""
 
 
 def newest(backlog: Sequence[tuple[bytes, int]]) -> list[tuple[bytes, int]]:
@@ -120,7 +118,8 @@ def _streams(data: bytes) -> list[_Stream] | None:
         number = data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16
         if number not in SUPERSEDED:
             return None
-        name = data[at + _NAME_AT : at + 10 + data[at + 1]] if number == MessageId.NAMED_VALUE_FLOAT else b""
+        # The name of a NAMED_VALUE_FLOAT is behind the head, a time and a value.
+        name = data[at + 18 : at + 10 + data[at + 1]] if number == MessageId.NAMED_VALUE_FLOAT else b""
         streams.append((data[at + 5], data[at + 6], number, name))
         at += 12 + data[at + 1] + (13 if data[at + 2] & 1 else 0)
     return streams if streams and at == end else None

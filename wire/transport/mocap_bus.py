@@ -54,7 +54,6 @@ _FRAME: Schema[LabFrame] = schema_of(LabFrame)
 _EVENT: Schema[Event] = schema_of(Event)
 _ALIVE = "mocap/alive"
 LONGEST_TEXT, MOST_CLOCKS = 500, 4
-SHOWN_NAME = 12
 
 
 class MocapBus:
@@ -198,4 +197,4 @@ def _sender(attachment: zenoh.ZBytes | None) -> tuple[bytes, bytes]:
 
 def _called(publisher: bytes) -> str:
     """A publisher's name in few words."""
-    return plain(publisher.decode(errors="replace"), SHOWN_NAME) or "without a name"
+    return plain(publisher.decode(errors="replace"), 12) or "without a name"

@@ -9,8 +9,6 @@ from wire import clock
 from wire.mavlink.signing import SigningChannel
 from wire.transport.link import Deliver, LinkCounters
 
-_READ = 4096
-
 
 class SerialLink:
     """The line of the drone `sysid`; what is read is a stream, cut anywhere.
@@ -45,7 +43,7 @@ class SerialLink:
         self._port.close()
 
     def _read(self) -> None:
-        data = self._port.read(_READ)
+        data = self._port.read(4096)
         if data:
             self.counters.received += 1
             self._deliver(Datagram(self._sysid, data))

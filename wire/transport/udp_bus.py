@@ -18,7 +18,7 @@ from formation.exposure import is_loopback
 from formation.link_config import LinkConfig
 from formation.messages import Datagram
 from wire import clock
-from wire.mavlink.framing import LARGEST_DATAGRAM, FrameCutter
+from wire.mavlink.framing import LARGEST_DATAGRAM, MAGIC_1, MAGIC_2, FrameCutter
 from wire.mavlink.signing import SigningChannel
 from wire.rejections import RejectionLog
 from wire.security.bus_access import address_towards
@@ -58,7 +58,7 @@ class PeerFilter:
     def _speaks_as_drone(self, data: bytes) -> bool:
         """Whether it has a valid MAVLink packet of system `sysid`; the header is checked first, which is cheap."""
         system_at = 5 if data[:1] == b"\xfd" else 3
-        if len(data) <= system_at or data[0] not in (0xFD, 0xFE) or data[system_at] != self._sysid:
+        if len(data) <= system_at or data[0] not in (MAGIC_1, MAGIC_2) or data[system_at] != self._sysid:
             return False
         return any(frame.source.system == self._sysid for frame in FrameCutter().cut(data))
 
@@ -122,9 +122,7 @@ def _connected(others: socket.socket, peer: SocketAddress) -> socket.socket:
 
 OTHERS_A_TURN = 32
 """Datagrams of others than the peer that are read at once: 0.2 ms of work, in which the peer's wait."""
-_MAGICS = (0xFD, 0xFE)
 _TALKERS = 4
-_DIRECT_PORT_BASE = 14800
 TOO_LARGE = f"datagram larger than {LARGEST_DATAGRAM} bytes"
 
 
@@ -216,7 +214,7 @@ class _Port:
                 self._rejections.note(sender[0], reject_reason, now_ns)
                 continue
             self._counters.received += 1
-            if self._peer_filter is None and sender != self._peer and data[:1] and data[0] in _MAGICS:
+            if self._peer_filter is None and sender != self._peer and data[:1] and data[0] in (MAGIC_1, MAGIC_2):
                 self._note(sender)
             self._intake.enqueue(data)
         self._ready.unregister(source)
@@ -341,7 +339,7 @@ async def open_udp_direct(
     else:
         own_host = _bind_host(address[0])
         try:
-            endpoint = bound((own_host, _DIRECT_PORT_BASE + sysid), address)
+            endpoint = bound((own_host, 14800 + sysid), address)
         except OSError:
             endpoint = bound((own_host, 0), address)
     return UdpLink({sysid: endpoint}, counters)

@@ -190,13 +190,11 @@ _TRUTH: Schema[Truth] = schema_of(Truth)
 _EXPRESS = ("mocap/raw", "mocap/frame")  # one at a time, and the control waits for it
 _IDLE = ("/log/head", "/log/chunk")  # for viewers: behind everything else
 _QUEUED = 1024
-_QUEUED_REQUESTS, _QUEUED_URGENT = 256, 16
 _URGENT = (Verb.STOP, Verb.LAND, Verb.HOLD)
 """Each waits in a queue of its own: no flood of other requests, nor of another of these, keeps it waiting."""
 LARGEST_PAYLOAD = 1 << 18
 """Bytes of a payload that are read: a frame of a thousand bodies, a state of hundreds of drones, a quarter of it."""
-LARGEST_REQUEST, LONGEST_SOURCE = 1024, 64
-_OTHERS_S, _OTHERS_MOST = 0.5, 8
+LARGEST_REQUEST = 1024
 
 
 class ZenohBus:
@@ -345,14 +343,14 @@ class ZenohBus:
     async def others(self) -> str:
         """Who of other labs is on this bus, in words; the empty text where nobody is seen."""
         get = self._session.liveliness().get
-        replies = await asyncio.to_thread(lambda: list(get("*/**", timeout=_OTHERS_S)))
+        replies = await asyncio.to_thread(lambda: list(get("*/**", timeout=0.5)))
         keys = sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
         labs: dict[str, list[str]] = {}
         for key in keys:
             lab, kind, *name = key.split("/")
             if lab != self.lab:
                 labs.setdefault(lab, []).append(f"{kind} {name[0]}" if name else kind)
-        return "; ".join(f"lab {lab!r}: {', '.join(there[:_OTHERS_MOST])}" for lab, there in labs.items())
+        return "; ".join(f"lab {lab!r}: {', '.join(there[:8])}" for lab, there in labs.items())
 
     def watch_tokens(self, key: str, receive: Callable[[zenoh.Sample], None]) -> Callable[[], None]:
         """Call back with the liveliness tokens that are there, appear and disappear; call the result to end it."""
@@ -397,8 +395,8 @@ class ZenohBus:
             self._handle(gcs_name, *asked, handler)
 
         # One at a time: each may cost the ground a tick.
-        queues = {verb: Inbox(self._loop, receive, self.counters, _QUEUED_URGENT, turn=1) for verb in _URGENT}
-        others = Inbox(self._loop, receive, self.counters, _QUEUED_REQUESTS, turn=1)
+        queues = {verb: Inbox(self._loop, receive, self.counters, 16, turn=1) for verb in _URGENT}
+        others = Inbox(self._loop, receive, self.counters, 256, turn=1)
         self._inboxes += [*queues.values(), others]
 
         def enqueue(query: zenoh.Query) -> None:
@@ -460,7 +458,7 @@ class ZenohBus:
             return
 
         key = query.key_expr
-        source = plain(request.source, LONGEST_SOURCE)
+        source = plain(request.source, 64)
         if self._certificate_name:
             source = f"{str(key).rpartition('/')[2]} ({source})"
 

@@ -24,16 +24,7 @@ _SOURCE_LINE = re.compile(r" at \S+\.rs:\d+\.?")
 FIND_S = 0.5
 """How long a ground is looked for that is not there: on a busy machine one answers within a tenth of a second."""
 _REMEDY = "Start it with `gcs run lab.toml`; --lab and --name say which one is meant, --timeout to wait for it"
-ASK_AGAIN_S, _STOP_AGAIN_S, _CONNECT_TIMEOUT_S = 0.05, 0.2, 0.2
-# Batches that may wait for the sender's thread, as many as Zenoh allows. An express put takes one for itself: with
-# Zenoh's own two, a busy machine dropped one frame in twenty, and one in nine events sent right after a frame.
-_QUEUED_BATCHES = 16
-# Connections that have said nothing yet, and for how long each is waited for. Zenoh's own are 100 for 10 s: as many
-# idle ones kept an operator's new command out for 10.6 s.
-_UNGREETED, _GREETING_MS = 1024, 2000
-# How long opening waits for peers and what they declare; a notice may be lost in it. Who only asks, asks again instead.
-_ASKING_DELAY_MS, _DELAY_MS = 50, 500
-_CLOSE_S = 0.1
+ASK_AGAIN_S = 0.05
 RETRY = {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2}
 
 
@@ -114,7 +105,7 @@ def ask(
                     ended.set()
 
             session.get(key, zenoh.handlers.Callback(receive, ended.set), payload=payload, timeout=left_s)
-            wait_s = min(left_s, _STOP_AGAIN_S) if request.verb is Verb.STOP else left_s
+            wait_s = min(left_s, 0.2) if request.verb is Verb.STOP else left_s
             is_there = not ended.wait(wait_s)  # else the query has ended at once: nobody serves the key
             if answers:
                 return REPLY.decode(answers[0])
@@ -130,10 +121,10 @@ def ask(
 
 
 def _close(session: zenoh.Session) -> None:
-    """Close, but wait no longer than _CLOSE_S: Zenoh waits 10 s for a connection that it is opening."""
+    """Close, but wait no longer than 0.1 s: Zenoh waits 10 s for a connection that it is opening."""
     closing = Thread(target=session.close, name=CLOSING, daemon=True)
     closing.start()
-    closing.join(_CLOSE_S)
+    closing.join(0.1)
 
 
 def _is_out_of_patience(waited_s: float, connect: Sequence[str], patience: Patience) -> bool:
@@ -160,7 +151,7 @@ def _is_port_closed(endpoint: str) -> bool:
     if protocol not in ("tcp", "tls") or not port.isdigit():
         return False
     try:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECT_TIMEOUT_S).close()
+        socket.create_connection((host.strip("[]"), int(port)), timeout=0.2).close()
     except ConnectionRefusedError:
         return True
     except OSError:
@@ -187,11 +178,17 @@ def _configuration(listen: Sequence[str], connect: Sequence[str], access: BusAcc
         "connect/retry": RETRY,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
-        "scouting/delay": _ASKING_DELAY_MS if asks else _DELAY_MS,
+        # How long opening waits, ms, for peers and what they declare; a notice may be lost in it. Who only asks, asks
+        # again instead.
+        "scouting/delay": 50 if asks else 500,
         "transport/shared_memory/enabled": False,
-        "transport/unicast/accept_pending": _UNGREETED,
-        "transport/unicast/accept_timeout": _GREETING_MS,
-        "transport/link/tx/queue/size/real_time": _QUEUED_BATCHES,
+        # Connections that have said nothing yet, and how long each is waited for, ms. Zenoh's own are 100 for 10 s: as
+        # many idle ones kept an operator's new command out for 10.6 s.
+        "transport/unicast/accept_pending": 1024,
+        "transport/unicast/accept_timeout": 2000,
+        # Batches that may wait for the sender's thread, as many as Zenoh allows. An express put takes one for itself:
+        # with Zenoh's own two, a busy machine dropped one frame in twenty, and one in nine events right after a frame.
+        "transport/link/tx/queue/size/real_time": 16,
         **access.configuration(),
     }
     return zenoh_config(values)

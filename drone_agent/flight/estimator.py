@@ -19,7 +19,6 @@ from formation.maths.quaternion import heading_of
 
 _AGE_MAX_NS = 500_000_000
 _FRESH_NS = 300_000_000
-_REST_M_S = 0.03
 _UNSTEADY = "external pose not steady yet"
 _FIX = Fusion(np.array([0.001, 0.01, 5.0, 5.0]), 1.0, 5.0)
 """Of the simulated receiver and compass, which are exact."""
@@ -101,8 +100,8 @@ class Estimator:
         self.receive_pose(ExternalPose(t_ns, pos_lab_m, q_lab_from_flu), t_ns, _FIX)
 
     def rest(self) -> None:
-        """It is disarmed on the floor: it stands still."""
-        ekf.observe_rest(self._x, self._cov, self._history, _REST_M_S)
+        """It is disarmed on the floor: it stands still, to 0.03 m/s."""
+        ekf.observe_rest(self._x, self._cov, self._history, 0.03)
 
     def valid(self, now_ns: int) -> bool:
         """Whether a flight may go on with the position: once steady, until none was fused for too long."""

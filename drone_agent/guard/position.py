@@ -17,15 +17,24 @@ from formation.model import Vec3Tuple
 from formation.vehicle.body import GRAVITY_M_S2
 from wire.link_messages import AttitudeSetpoint
 
-_P_1_S, _P_UP_1_S = 1.2, 1.5
-_P_VEL_1_S, _P_VEL_UP_1_S = 3.5, 5.0
-_I_VEL_1_S2, _I_VEL_UP_1_S2 = 1.2, 2.0
 _I_MAX_M_S2 = 3.0
-_SPEED_MAX_M_S, _CLIMB_MAX_M_S = 1.5, 1.5
 _TILT_MAX = math.tan(0.45)
 _LIFT_MIN_M_S2 = 0.3 * GRAVITY_M_S2
 NO_RATE = np.zeros(3)
 NO_RATE.setflags(write=False)
+
+
+class Gains(NamedTuple):
+    """Gains of one axis: from position to speed, from speed to acceleration and to its integral; the largest speed."""
+
+    p_1_s: float
+    p_vel_1_s: float
+    i_vel_1_s2: float
+    vel_max_m_s: float
+
+
+_SIDEWAYS = Gains(p_1_s=1.2, p_vel_1_s=3.5, i_vel_1_s2=1.2, vel_max_m_s=1.5)
+_UPWARDS = Gains(p_1_s=1.5, p_vel_1_s=5.0, i_vel_1_s2=2.0, vel_max_m_s=1.5)
 
 
 class Belief(NamedTuple):
@@ -109,30 +118,27 @@ class PositionController:
     def _sideways(self, demand: Demand, belief: Belief, dt_s: float) -> tuple[float, float]:
         if demand.pos_lab_m is not None:
             pos = demand.pos_lab_m
-            vel = [_P_1_S * (pos[i] - belief.pos_lab_m[i]) for i in (0, 1)]
+            vel = [_SIDEWAYS.p_1_s * (pos[i] - belief.pos_lab_m[i]) for i in (0, 1)]
         elif demand.speed_lab_m_s is not None:
             vel = list(demand.speed_lab_m_s)
         else:
             return 0.0, 0.0
         speed = math.hypot(*vel)
-        scale = min(1.0, _SPEED_MAX_M_S / speed) if speed > 0.0 else 1.0
-        x, y = (
-            self._velocity_loop(i, scale * vel[i] - belief.vel_lab_m_s[i], _P_VEL_1_S, _I_VEL_1_S2, dt_s)
-            for i in (0, 1)
-        )
+        scale = min(1.0, _SIDEWAYS.vel_max_m_s / speed) if speed > 0.0 else 1.0
+        x, y = (self._velocity_loop(i, scale * vel[i] - belief.vel_lab_m_s[i], _SIDEWAYS, dt_s) for i in (0, 1))
         return x, y
 
     def _upwards(self, demand: Demand, belief: Belief, dt_s: float) -> float:
         climb = demand.climb_m_s
         if demand.height_m is not None:
-            climb += _P_UP_1_S * (demand.height_m - belief.pos_lab_m[2])
-        climb = min(max(climb, -_CLIMB_MAX_M_S), _CLIMB_MAX_M_S)
-        return self._velocity_loop(2, climb - belief.vel_lab_m_s[2], _P_VEL_UP_1_S, _I_VEL_UP_1_S2, dt_s)
+            climb += _UPWARDS.p_1_s * (demand.height_m - belief.pos_lab_m[2])
+        climb = min(max(climb, -_UPWARDS.vel_max_m_s), _UPWARDS.vel_max_m_s)
+        return self._velocity_loop(2, climb - belief.vel_lab_m_s[2], _UPWARDS, dt_s)
 
-    def _velocity_loop(self, axis: int, error: float, p: float, i: float, dt_s: float) -> float:
-        total = self._sum[axis] + i * error * dt_s
+    def _velocity_loop(self, axis: int, error: float, gains: Gains, dt_s: float) -> float:
+        total = self._sum[axis] + gains.i_vel_1_s2 * error * dt_s
         self._sum[axis] = min(max(total, -_I_MAX_M_S2), _I_MAX_M_S2)
-        return p * error + self._sum[axis]
+        return gains.p_vel_1_s * error + self._sum[axis]
 
 
 def warm_up() -> None:
@@ -143,9 +149,7 @@ def warm_up() -> None:
 _TILT_ACC_MAX_M_S2 = 0.5
 _TILT_AVERAGED_S = 0.25
 _STOP_S = 0.4  # its place is where the present speed would come to rest
-_SINK_M_S, _TOUCH_M_S, _SINK_S = 0.7, 0.27, 0.8  # PX4's MPC_LAND_SPEED; near the floor its height in so many seconds
 _THRUST_LEAST = 0.85  # of what carries it, coming down: what stands in the air by a wrong pose must not fall
-_OPEN_LOOP_THRUST, _OPEN_LOOP_S, _OPEN_LOOP_FADE_1_S = 0.95, 3.0, 0.3  # 1.5 m in 2.5 s, down at 1.2 m/s
 _STILL_M = 0.05
 """A body at rest keeps within: by its place, since without an IMU the estimated velocity of a body at rest is noise."""
 _STANDS_M, _STANDS_NS = 0.01, 500_000_000
@@ -244,8 +248,9 @@ class BodyHold:
         return flown
 
     def _sink_m_s(self, z_m: float) -> float:
-        """How fast to sink at that height: slower near the floor, and wherever the floor is not known."""
-        return min(_SINK_M_S, max(_TOUCH_M_S, (z_m - self._floor_m) / _SINK_S))
+        """How fast to sink at that height: PX4's MPC_LAND_SPEED; near the floor, and wherever that is not known, its
+        height in 0.8 s."""
+        return min(0.7, max(0.27, (z_m - self._floor_m) / 0.8))
 
     def descend_open_loop(self, dt_s: float) -> LoopSetpoint:
         """Down by attitude and thrust alone: level, a little less than what carries it, and none in the end."""
@@ -260,7 +265,8 @@ class BodyHold:
         return self._sink_norm
 
     def _open_loop_share(self) -> float:
-        return max(_OPEN_LOOP_THRUST - _OPEN_LOOP_FADE_1_S * max(self._open_loop_s - _OPEN_LOOP_S, 0.0), 0.0)
+        """Of the thrust that carries it, fading after 3 s: 1.5 m in 2.5 s, down at 1.2 m/s."""
+        return max(0.95 - 0.3 * max(self._open_loop_s - 3.0, 0.0), 0.0)
 
     def _thrust_of(self, force_m_s2: float) -> float:
         return min(max(self._hover_norm * force_m_s2 / GRAVITY_M_S2, 0.0), 1.0)

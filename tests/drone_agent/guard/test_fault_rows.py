@@ -181,26 +181,8 @@ def test_on_the_floor_no_pose_drifts() -> None:
     assert fly_spoilt(drone, 2.0, hover_at(-1.0), drift(0.5)) is None
 
 
-@pytest.mark.parametrize("loss", [0.45, pytest.param(0.3, marks=pytest.mark.nightly)])
-def test_a_drone_whose_thrust_is_lost_is_landed_on_what_is_left(loss: float) -> None:
-    drone, stream = flying(), hover_over(0.0, 0.0, 1.0)
-    drone.run(5.0, stream)  # until then the noise is learned in which three tenths of the thrust do not show
-    start_ns = drone.now_ns
-    drone.airframe.motor_gain = np.full(4, 1.0 - loss)
-    while drone.stream.stage is not Stage.LAND and drone.now_ns - start_ns < S:
-        drone.run(0.01, stream)
-    assert drone.now_ns - start_ns <= 0.4 * S
-    fastest_m_s = 0.0
-    for _ in range(70):
-        drone.run(0.1, stream)
-        fastest_m_s = min(fastest_m_s, float(drone.truth.vel_lab_m_s[2]))
-    assert "Part of its thrust is missing: landing on what is left" in drone.texts()
-    assert drone.truth.on_ground
-    assert fastest_m_s > -1.1
-    assert not drone.autopilot.armed
-
-
 def test_every_row_has_a_test_here() -> None:
+    """And in test_landing, of each vehicle: the loss of vertical thrust."""
     assert {row.name for row in SIGNATURES} == {*ROWS, "vertical thrust loss"} - {"pose frozen"}
 
 

@@ -25,19 +25,15 @@ from wire.link_messages import (
     AttitudeQuaternion,
     EstimatorType,
     GlobalPosition,
-    Heartbeat,
     InertialSample,
     LinkMessage,
     LocalPosition,
-    MavAutopilot,
-    MavCommand,
     MocapPose,
     Odometry,
     OdometryFrame,
     ParamRequestList,
     TimeSync,
     UnknownMessage,
-    command_long,
 )
 from wire.mavlink.codec import Codec
 from wire.mavlink.framing import MavlinkError
@@ -66,12 +62,6 @@ class Build:
     """pymavlink's encoders, without a link behind them."""
 
     mav = oracle.MAVLink(None)
-
-
-def test_request_operator_control():
-    """development.xml: 1 the system, 2 its action, 1 requests; pymavlink knows the number alone."""
-    golden = Build.mav.command_long_encode(1, 1, 32100, 0, 1, 1, 0, 0, 0, 0, 0)
-    assert ours(command_long(DRONE, MavCommand.REQUEST_OPERATOR_CONTROL, 1.0, 1.0)) == pymavlinks(golden)
 
 
 def test_telemetry():
@@ -177,11 +167,3 @@ def test_bytes_are_mavsdks(name):
     assert codec.encode(message).hex() == golden
     packet = decode_packet(bytes.fromhex(golden))
     assert (packet.source, packet.seq, type(packet.message)) == (MAVSDK, seq, type(message))
-
-
-def test_a_packet_written_out():
-    """MAVLink 2, byte by byte: magic, length, flags, sequence, sender, id, payload, checksum (a drone at rest)."""
-    frame = Codec(DRONE).encode(Heartbeat(MavAutopilot.PX4, 2, 0x51, 0x03040000, 4))
-    assert frame[:10].hex(" ") == "fd 09 00 00 00 01 01 00 00 00"
-    assert frame[10:19].hex(" ") == "00 00 04 03 02 0c 51 04 03"
-    assert len(frame) == 21

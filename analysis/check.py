@@ -109,7 +109,8 @@ def audit(path: Path) -> tuple[Audited, ...]:
     log = read_columns(path, {topic: [field.name for field in fields(topic.type)] for topic in AUDITED})
     if not log.held:
         raise holds_nothing(path, log.check.damage)
-    before = tuple(_operation(line) for line in log.metadata.get(OPERATIONS, "").splitlines())
+    lines = [(*line.split(" ", 2), "", "")[:3] for line in log.metadata.get(OPERATIONS, "").splitlines()]
+    before = tuple(Audited(None, who, f"{what} ({date})") for date, who, what in lines)
     answers = {reply.id: reply for _, _, reply in _messages(log, topics.REPLY, OperatorReply)}
     rows = [
         (number, Audited(t_s, request.source or NOBODY, _what(request), _result(answers.get(request.id))))
@@ -129,12 +130,6 @@ def _messages(log: LogColumns, topic: Topic, kind: type[M]) -> Iterator[tuple[in
 
 def _what(request: OperatorRequest) -> str:
     return f"{request.verb.command_name} {request.argument}".strip()
-
-
-def _operation(line: str) -> Audited:
-    """A line of the folder's own record: date, who, what."""
-    date, who, what = (*line.split(" ", 2), "", "")[:3]
-    return Audited(None, who, f"{what} ({date})")
 
 
 def _result(reply: OperatorReply | None) -> str:

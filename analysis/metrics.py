@@ -39,14 +39,6 @@ class Latency:
 
 
 @dataclass(frozen=True, slots=True)
-class Age:
-    """Capture -> receipt at the agent, milliseconds."""
-
-    p50: float
-    p99: float
-
-
-@dataclass(frozen=True, slots=True)
 class Summary:
     """One run in numbers, SI unless the name says otherwise; None where the log does not have it.
 
@@ -76,7 +68,7 @@ class Summary:
     law_failures: int
     mocap_ms: Latency | None
     latency_ms: Latency | None
-    age_ms: Age | None
+    age_ms: Latency | None
     link_behind_ms: Latency | None
     realtime_factor: float | None
     command_hash: str
@@ -107,6 +99,10 @@ def summarise(
         tracking = replace(tracking, scored=np.zeros_like(tracking.scored))
     error_m = np.linalg.norm(tracking.error_lead_m, axis=-1)[tracking.scored]
     leader_m = np.linalg.norm(track_leader(flight).error_lab_m, axis=-1)
+    live = not flight.run.lockstep
+    behind_ms = [np.zeros(0), *(link.behind_ms for link in backlogs(flight))] if live else [np.zeros(0)]
+    known = flight.poses.mocap_s > 0.0  # of a mocap process that says so
+    mocap_ms = 1e3 * (flight.poses.received_s - flight.poses.mocap_s)[known & live]
     return Summary(
         scenario=flight.run.scenario,
         seed=flight.run.seed,
@@ -123,10 +119,10 @@ def summarise(
         frames=len(flight.poses),
         late_ticks=int(flight.timing["late"].sum()),
         law_failures=len(flight.law_failures),
-        mocap_ms=None if flight.run.lockstep else mocap_latency(flight),
-        latency_ms=latency(flight),
-        age_ms=None if flight.run.lockstep else age(flight),
-        link_behind_ms=None if flight.run.lockstep else link_behind(flight),
+        mocap_ms=_percentiles(mocap_ms),
+        latency_ms=_percentiles(1e3 * flight.timing["latency_s"]),
+        age_ms=_percentiles(ages_ms(flight)) if live else None,
+        link_behind_ms=_percentiles(np.concatenate(behind_ms)),
         realtime_factor=realtime_factor,
         command_hash=command_hash(flight),
         mcap=None if mcap is None else str(mcap),
@@ -189,36 +185,11 @@ def min_separation(flight: Flight) -> float | None:
     return min(nearest) if nearest else None
 
 
-def latency(flight: Flight) -> Latency | None:
-    """Percentiles of the control cycle's latency; None where it was not timed."""
-    return _percentiles(1e3 * flight.timing["latency_s"])
-
-
-def mocap_latency(flight: Flight) -> Latency | None:
-    """Percentiles of what the mocap process and the bus add to a frame; None where no such process served."""
-    known = flight.poses.mocap_s > 0.0
-    return _percentiles(1e3 * (flight.poses.received_s - flight.poses.mocap_s)[known])
-
-
 def _percentiles(ms: Float) -> Latency | None:
     if not ms.size:
         return None
     p50, p99 = np.percentile(ms, [50.0, 99.0])
     return Latency(float(p50), float(p99), float(ms.max()))
-
-
-def age(flight: Flight) -> Age | None:
-    """Percentiles of the setpoints' age at the drones, as the drones report it."""
-    ms = ages_ms(flight)
-    if not ms.size:
-        return None
-    p50, p99 = np.percentile(ms, [50.0, 99.0])
-    return Age(float(p50), float(p99))
-
-
-def link_behind(flight: Flight) -> Latency | None:
-    """Percentiles of the age of telemetry when it was read; None where no drone's clock is known."""
-    return _percentiles(np.concatenate([np.zeros(0), *(link.behind_ms for link in backlogs(flight))]))
 
 
 def ages_ms(flight: Flight) -> Float:
@@ -291,17 +262,11 @@ def unmet(requirements: Iterable[Requirement], summary: Summary) -> tuple[str, .
     return tuple(why for requirement in requirements if (why := requirement.unmet(summary)) is not None)
 
 
-def _keys() -> tuple[str, ...]:
-    groups = {"mocap_ms": Latency, "latency_ms": Latency, "age_ms": Age, "link_behind_ms": Latency}
-    keys: list[str] = []
-    for field in fields(Summary):
-        group = groups.get(field.name)
-        if group is not None:
-            keys += [f"{field.name}.{part.name}" for part in fields(group)]
-        elif field.name not in WORDED:
-            keys.append(field.name)
-    return tuple(keys)
-
-
-KEYS = _keys()
+_PARTS = tuple(part.name for part in fields(Latency))
+KEYS = tuple(
+    f"{field.name}.{part}" if part else field.name
+    for field in fields(Summary)
+    if field.name not in WORDED
+    for part in (_PARTS if field.name.endswith("_ms") else ("",))
+)
 """Every number that can be required."""

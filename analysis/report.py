@@ -12,7 +12,7 @@ import numpy as np
 from analysis import words
 from analysis.links import backlogs
 from analysis.load import Flight, load_checked
-from analysis.metrics import Age, Latency, Summary, rms, summarise, vibration_of
+from analysis.metrics import Latency, Summary, rms, summarise, vibration_of
 from analysis.page import Folded, Part, Row, Table, mm, render, table
 from analysis.plots import control, motion, style
 from analysis.plots.style import Drawing, Missing
@@ -37,7 +37,7 @@ MEANINGS = {
     "late_ticks": "control cycles by the watchdog or slower than the frames",
     "mocap_ms": "mocap process has the raw frame to ground has the aligned one, ms: median, 99 %, max",
     "latency_ms": "frame received to last datagram sent: median, 99 %, max",
-    "age_ms": "camera to drone, as the drones report it: median, 99 %",
+    "age_ms": "camera to drone, as the drones report it: median, 99 %, max",
     "link_behind_ms": "age of the drones' telemetry when the ground read it, ms: median, 99 %, max",
     "realtime_factor": "simulated seconds per second, lockstep only",
     "command_hash": "SHA-256 of every attitude target sent, in order",
@@ -226,8 +226,6 @@ def _value(key: str, summary: Summary) -> str:
             return "–"
         case Latency():
             return f"{value.p50:.3g} / {value.p99:.3g} / {value.max:.3g}"
-        case Age():
-            return f"{value.p50:.3g} / {value.p99:.3g}"
         case float():
             return f"{value:.5g}"
     return f"{value[:16]}…" if key == "command_hash" else f"{value}"

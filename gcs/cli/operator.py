@@ -315,9 +315,10 @@ def print_status(state: "GroundState", console: "Console") -> None:
         table.add_column(f"{column}\n{unit}", no_wrap=not words, overflow="fold", justify="right" if unit else "left")
     for drone in state.drones:
         mode = "left out" if drone.excluded else drone.mode
+        place = ["-"] * 3 if drone.pos_lab_m is None else [f"{x:.2f}" for x in drone.pos_lab_m]
         cells = (
             str(drone.sysid), drone.body, drone.autopilot or "-", mode, "armed" if drone.armed else "-",
-            *_coordinates(drone.pos_lab_m), _number(drone.battery, 100.0, 0), _number(drone.link_behind_s, 1e3, 0),
+            *place, _number(drone.battery, 100.0, 0), _number(drone.link_behind_s, 1e3, 0),
             _number(drone.heartbeat_age_s, 1.0, 1, "never"), _number(drone.age_s, 1.0, 1, "never"),
         )  # fmt: skip
         table.add_row(*map(Text, cells))  # what drones and people said is never markup
@@ -350,11 +351,6 @@ def next_steps(phase: Phase, allowed: Mapping[str, Sequence[str]]) -> list[str]:
     if may:
         return [f"next: {', '.join(may)}"]
     return [f"no reset: {reason}" for reason in allowed[Verb.RESET]] if stopped else []
-
-
-def _coordinates(pos_lab_m: tuple[float, float, float] | None) -> list[str]:
-    """x, y and z; dashes for a body that was never seen."""
-    return ["-"] * 3 if pos_lab_m is None else [f"{x:.2f}" for x in pos_lab_m]
 
 
 def _number(value: float | None, times: float, digits: int, unknown: str = "-") -> str:

@@ -136,16 +136,12 @@ def _duration(config: LabConfig, keys: Keys, ahead: Preview) -> Iterator[Finding
     if took_s > LONGEST_S:
         yield keys.reject(key, ENDURANCE, f"the trajectory would last {took_s:.0f} s, no drone flies for an hour")
         return
-    lasting_s = {v.body: _endurance_s(config, i) for i, v in enumerate(config.vehicles)}
+    batteries = {v.body: config.profile_of(v).battery for v in config.vehicles}
+    lasting_s = {body: 3.6 * battery.capacity_mah / battery.hover_current_a for body, battery in batteries.items()}
     body = min(lasting_s, key=lambda name: lasting_s[name])
     if took_s > EASY_SHARE * lasting_s[body]:
         why = f"the trajectory lasts {took_s:.0f} s, the battery of {body} hovers for about {lasting_s[body]:.0f} s"
         yield keys.warn(key, ENDURANCE, why)
-
-
-def _endurance_s(config: LabConfig, i: int) -> float:
-    battery = config.profile_of(config.vehicles[i]).battery
-    return 3.6 * battery.capacity_mah / battery.hover_current_a
 
 
 def _closing_speeds(config: LabConfig, keys: Keys) -> Iterator[Finding]:

@@ -24,9 +24,9 @@ TAKEN_OF = "taken-of.sha256"
 
 
 @contextmanager
-def ground(folder: Path, followers: int, how: str = "--fly") -> Iterator["subprocess.Popen[bytes]"]:
-    """A ground of fake drones, in formation if not otherwise said."""
-    command = [sys.executable, "-m", "tests.gcs.page.lab", how, "--followers", str(followers)]
+def ground(folder: Path, followers: int) -> Iterator["subprocess.Popen[bytes]"]:
+    """A ground of fake drones, in formation."""
+    command = [sys.executable, "-m", "tests.gcs.page.lab", "--followers", str(followers)]
     command += ["--port", str(free_port()), "--lab", str(folder / "lab.toml")]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None

@@ -1,13 +1,11 @@
-"""A ground for pages, out of fake drones: publishes on a real bus what a GcsCore says of them, and takes requests.
+"""A ground for pages, out of fake drones in formation: publishes on a real bus what a GcsCore says of them, and takes
+requests.
 
-    python tests/gcs/page/lab.py --followers 19 --port 7500 --lab lab.toml
-
-For pictures and for timing what a page costs: neither processes of agents nor a mocap share the machine with it.
+    python -m tests.gcs.page.lab --followers 19 --port 7500 --lab lab.toml
 """
 
 import argparse
 import asyncio
-import itertools
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -54,9 +52,7 @@ def lab_of(followers: int, port: int) -> LabConfig:
 class Ground:
     """Fake drones in real time, ten steps a tenth of a second, and what the ground says of them."""
 
-    def __init__(self, config: LabConfig, anew: bool) -> None:
-        """anew: whenever a stop has cut every motor, say when, and begin anew."""
-        self.anew = anew
+    def __init__(self, config: LabConfig) -> None:
         self.lab = FakeLab(config)
         for drone in self.lab.core._drones:  # what fake drones do not say
             telemetry = drone.link.telemetry
@@ -69,24 +65,6 @@ class Ground:
     def receive_request(self, request: OperatorRequest, reply: Reply) -> None:
         """An operator has asked."""
         self.waiting[self.lab.ask(request.verb, request.argument)] = reply
-        if request.verb is Verb.STOP and self.anew and not any(drone.armed for drone in self.lab.drones.values()):
-            print(monotonic_ns(), flush=True)
-            self.answer()
-            self.begin()
-
-    def begin(self) -> None:
-        """The same lab anew, its drones armed on the floor."""
-        self.lab = FakeLab(self.lab.config)
-        for drone in self.lab.drones.values():
-            drone.armed = True
-
-    def answer(self) -> None:
-        """Whatever has been answered."""
-        for id, reply in tuple(self.waiting.items()):
-            answer = self.lab.reply(id)
-            if answer is not None:
-                del self.waiting[id]
-                reply(OperatorReply(0, answer.accepted, answer.text))
 
     def advance(self) -> str:
         """A tenth of a second further; the state."""
@@ -95,7 +73,10 @@ class Ground:
             if name == "event":
                 self.memory.note(event, unix_us())
         self._events = len(self.lab.records)
-        self.answer()
+        for id, reply in tuple(self.waiting.items()):
+            if (answer := self.lab.reply(id)) is not None:
+                del self.waiting[id]
+                reply(OperatorReply(0, answer.accepted, answer.text))
         host = {"events": self.memory.newest, "alarms": self.memory.alarms.open}
         log = LogFile("lab-20260301-101502.mcap", 8_400_000, 82_000_000_000)
         return encode(
@@ -103,32 +84,15 @@ class Ground:
         )
 
 
-async def again(config: LabConfig) -> None:
-    """Until killed; three seconds of a formation over and over, at a steady 10 Hz however many drones there are."""
-    ground = Ground(config, anew=False)
-    ground.lab.fly()
-    bus = await ZenohBus.open(config.link, config.name)
-    states = [ground.advance() for _ in range(30)]
-    print("ready", flush=True)
-    due_ns = monotonic_ns()
-    for state in itertools.cycle(states):
-        bus.publish_state(GCS_NAME, state)
-        due_ns = max(due_ns + 100_000_000, monotonic_ns())
-        await REAL_TIME.sleep_until_ns(due_ns)
-
-
-async def serve(config: LabConfig, fly: bool, anew: bool) -> None:
+async def serve(config: LabConfig) -> None:
     """Until killed; each line of standard input is Python that is run upon `lab`, the FakeLab."""
-    ground = Ground(config, anew)
-    if anew:
-        ground.begin()
+    ground = Ground(config)
     bus = await ZenohBus.open(config.link, config.name)
     bus.serve(GCS_NAME, ground.receive_request)
     mocap = MocapBus(bus)
-    if fly:
-        ground.lab.fly()
-        for drone in ground.lab.core._drones:
-            drone.link.telemetry.landed = LandedState.IN_AIR
+    ground.lab.fly()
+    for drone in ground.lab.core._drones:
+        drone.link.telemetry.landed = LandedState.IN_AIR
     loop = asyncio.get_running_loop()
     loop.add_reader(sys.stdin.fileno(), lambda: exec(sys.stdin.readline(), {"lab": ground.lab, "Verb": Verb}))
     print("ready", flush=True)
@@ -155,13 +119,10 @@ def main() -> None:
     parser.add_argument("--followers", type=int, default=2)
     parser.add_argument("--port", type=int, default=7500)
     parser.add_argument("--lab", type=Path, required=True)
-    parser.add_argument("--fly", action="store_true")
-    parser.add_argument("--anew", action="store_true", help="After each stop; prints when it had cut every motor.")
-    parser.add_argument("--again", action="store_true", help="Three seconds of a formation over and over.")
     given = parser.parse_args()
     config = lab_of(given.followers, given.port)
     given.lab.write_text(config_file.dump(config))
-    asyncio.run(again(config) if given.again else serve(config, given.fly, given.anew))
+    asyncio.run(serve(config))
 
 
 if __name__ == "__main__":

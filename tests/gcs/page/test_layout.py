@@ -35,7 +35,7 @@ def apart(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
 def flying_page(folder: Path) -> Iterator[tuple[str, Callable[[], Tab], Callable[[str], None]]]:
     """A page of fake drones in formation: its address, new tabs, and what has a line of Python run upon `lab`."""
     lab = folder / "lab.toml"
-    ground = [sys.executable, "-m", "tests.gcs.page.lab", "--port", str(free_port()), "--lab", str(lab), "--fly"]
+    ground = [sys.executable, "-m", "tests.gcs.page.lab", "--port", str(free_port()), "--lab", str(lab)]
     with (
         subprocess.Popen(ground, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process,
         browser(folder) as new_tab,

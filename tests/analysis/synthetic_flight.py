@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from formation import topics
+from formation.clock_pair import SIMULATED, ClockPair
 from formation.config import FollowerConfig, LabConfig, LeaderConfig
 from formation.maths import frames
 from formation.maths.arrays import Float
@@ -26,7 +27,9 @@ from formation.messages import (
     Verb,
 )
 from formation.topics import Topic
+from wire.link_messages import Address, Battery
 from wire.logs.mcap_write import LogWriter
+from wire.mavlink.codec import Codec
 
 T0_NS = 5_000_000_000_000
 RATE_HZ = 50.0
@@ -50,6 +53,8 @@ PHASES = (
     (19.0, Phase.GROUND, "all down"),
 )
 END_S = 20.0
+START = ClockPair(T0_NS, 1_790_000_000_000_000_000)
+"""Of a log in real time: 2026-09-21 14:13:20 UTC."""
 ErrorLead = Callable[[float], Float]
 
 
@@ -83,12 +88,29 @@ def t_ns(t_s: float) -> int:
     return T0_NS + round(t_s * 1e9)
 
 
-def written(path: Path, recipe: Recipe, metadata: Mapping[str, str] = METADATA, more: Iterable[Record] = ()) -> Path:
-    """The flight and more records as a log."""
-    with LogWriter(path, dict(metadata), threaded=False, overwrite=True) as log:
+def written(
+    path: Path,
+    recipe: Recipe,
+    metadata: Mapping[str, str] = METADATA,
+    more: Iterable[Record] = (),
+    start: ClockPair = SIMULATED,
+) -> Path:
+    """The flight and more records as a log; start: its clock, of simulated time if not given."""
+    with LogWriter(path, dict(metadata), start=start, threaded=False, overwrite=True) as log:
         for record in sorted([*records(recipe), *more], key=lambda record: record.t_ns):
             log.write(record.topic, record.message, record.t_ns)
     return path
+
+
+def shaken(t_s: float) -> Float:
+    """The left follower swings by 2 mm, the right one stands 1 mm off."""
+    return np.array([[0.002 * np.sin(9.0 * t_s), 0.0, 0.0], [0.0, 0.001, 0.0]])
+
+
+def battery(at_ns: int, volts: float) -> Record:
+    """The left drone reports its two cells."""
+    data = Codec(Address(2, 1)).encode(Battery((4.0, volts), 1.0, 10.0, 0.75))
+    return Record(topics.LINK_UP, at_ns, Datagram(2, data))
 
 
 def phase_at(recipe: Recipe, t_s: float) -> Phase:

@@ -14,32 +14,17 @@ from typer.testing import CliRunner
 
 from analysis.cli import app
 from formation import topics
-from formation.clock_pair import ClockPair
-from formation.messages import Datagram, LabFrame, Phase
+from formation.messages import LabFrame, Phase
 from mocap.sources.csv_file import read_recording
-from tests.analysis.synthetic_flight import METADATA, RATE_HZ, T0_NS, Recipe, records
-from wire.link_messages import Address, Battery
+from tests.analysis.synthetic_flight import RATE_HZ, START, T0_NS, Recipe, battery, shaken, written
 from wire.logs.mcap_read import read_log
-from wire.logs.mcap_write import LogWriter
-from wire.mavlink.codec import Codec
-
-START = ClockPair(T0_NS, 1_790_000_000_000_000_000)
-SHAKEN = Recipe(
-    error_lead=lambda t_s: np.array([[0.002 * np.sin(9.0 * t_s), 0.0, 0.0], [0.0, 0.001, 0.0]]),
-    leader_yaw_rate_rad_s=0.3,
-)
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("bag") / "flight.mcap"
-    codec = Codec(Address(2, 1))
-    with LogWriter(file, METADATA, start=START, threaded=False) as written:
-        said = Datagram(2, codec.encode(Battery((4.0, 3.5), 1.0, 10.0, 0.75)))
-        written.write(topics.LINK_UP, said, T0_NS)
-        for record in sorted(records(SHAKEN), key=lambda r: r.t_ns):
-            written.write(record.topic, record.message, record.t_ns)
-    return file
+    recipe = Recipe(error_lead=shaken, leader_yaw_rate_rad_s=0.3)
+    return written(file, recipe, more=[battery(T0_NS, 3.5)], start=START)
 
 
 @pytest.fixture(scope="module")

@@ -15,31 +15,18 @@ from typer.testing import CliRunner
 
 import gcs_log
 from analysis.cli import app
-from formation import topics
-from formation.clock_pair import ClockPair
-from formation.messages import Datagram
 from gcs_log import flight_log
-from tests.analysis.synthetic_flight import METADATA, T0_NS, Recipe, records
-from wire.link_messages import Address, Battery
+from tests.analysis.synthetic_flight import METADATA, START, T0_NS, Recipe, battery, shaken, written
 from wire.logs.mcap_write import LogWriter
-from wire.mavlink.codec import Codec
 
-START = ClockPair(T0_NS, 1_790_000_000_000_000_000)
 BODIES = ("lead", "left", "right")
 
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("tables") / "flight.mcap"
-    codec = Codec(Address(2, 1))
-    shaken = Recipe(error_lead=lambda t_s: np.array([[0.002 * np.sin(9.0 * t_s), 0.0, 0.0], [0.0, 0.001, 0.0]]))
-    with LogWriter(file, METADATA, start=START, threaded=False) as log:
-        for k, record in enumerate(sorted(records(shaken), key=lambda r: r.t_ns)):
-            log.write(record.topic, record.message, record.t_ns)
-            if k % 1000 == 0:
-                said = Datagram(2, codec.encode(Battery((4.0, 4.0 - 1e-4 * k), 1.0, 10.0, 0.75)))
-                log.write(topics.LINK_UP, said, record.t_ns)
-    return file
+    said = [battery(T0_NS + 3_000_000_000 * k, 4.0 - 0.1 * k) for k in range(6)]
+    return written(file, Recipe(error_lead=shaken), more=said, start=START)
 
 
 def straight(path: Path, topic: str) -> list[tuple[int, Any]]:

@@ -114,13 +114,6 @@ def test_alarms_are_diagnostics_until_they_are_over_and_batteries_go_beside_them
     assert message_type("diagnostic_msgs/msg/DiagnosticArray").encode(publishers["/diagnostics"].sent[0])
 
 
-def test_a_state_of_another_version_is_an_error_that_names_both() -> None:
-    shown, _ = shows()
-    shown.receive_state(encode(state()).replace('"version": 1', '"version": 99'))
-    with pytest.raises(ValueError, match="version 99"):
-        shown.tick()
-
-
 def frame(seq: int) -> LabFrame:
     now_ns = REAL_TIME.monotonic_ns()
     pos, q = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), np.array([[1.0, 0.0, 0.0, 0.0]] * 2)

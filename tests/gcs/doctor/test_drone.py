@@ -11,7 +11,7 @@ from gcs.doctor.checks import DroneReport, check_drone, refitted
 from gcs.doctor.cli import write_profile
 from gcs.drones.autopilot_model import ARDUPILOT_MODEL, PX4_MODEL
 from gcs.finding import Finding, Fix, Grade, as_dicts
-from tests.gcs.fakes import COPTER_PARAMETERS, PX4_PARAMETERS
+from tests.gcs.fakes import PX4_PARAMETERS
 from wire.config_file import load
 
 PAPER = profile("paper_40g")
@@ -118,13 +118,6 @@ def test_parameters_are_judged_with_found_wanted_why_and_fix():
     assert finding.why
     assert finding.fix == Fix(3, "COM_OF_LOSS_T", pytest.approx(0.2))
     assert _check(feeds_pose=False, parameters=_parameters(EKF2_EV_CTRL=0.0)) == {}
-
-
-def test_ardupilots_thrust_option_is_vital():
-    hover = {"MOT_THST_HOVER": PAPER.hover_thrust_norm}
-    bad = _check(model=ARDUPILOT_MODEL, parameters={**COPTER_PARAMETERS, **hover, "GUID_OPTIONS": 0.0})
-    assert set(bad) == {"GUID_OPTIONS"}
-    assert bad["GUID_OPTIONS"].grade is Grade.FAIL
 
 
 def test_link_clock_health_battery_and_sysid():

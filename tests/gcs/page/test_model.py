@@ -315,15 +315,13 @@ def test_no_text_in_the_room_covers_another(flight):
 
 
 @pytest.mark.parametrize("size", [(640.0, 540.0), (1200.0, 300.0), (260.0, 700.0)])
-@pytest.mark.parametrize("azimuth_rad", [0.0, 0.8, -2.2])
-def test_the_room_fills_its_panel(size, azimuth_rad):
+def test_the_room_fills_its_panel(size):
     """Of one direction nearly all, of the other as much as its shape allows; nothing lies outside."""
     fence = triangle().limits.fence
-    camera = perspective(fence, Stand(azimuth_rad=azimuth_rad), *size)
+    camera = perspective(fence, Stand(azimuth_rad=0.8), *size)
     corners = product(*zip(fence.low_m[:2], fence.high_m[:2], strict=True), (0.0, fence.high_m[2]))
     at = np.array([camera.project(*corner)[:2] for corner in corners])
-    assert np.all(at > 0.0)
-    assert np.all(at < size)
+    assert np.all((at > 0.0) & (at < size))
     assert np.max(np.ptp(at, axis=0) / size) > 0.9
 
 

@@ -1,6 +1,5 @@
 """Who may do what on the bus with keys: real Zenoh sessions on loopback, Zenoh's own access control as it is made."""
 
-import asyncio
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -10,18 +9,13 @@ from threading import Event
 import pytest
 import zenoh
 
-from formation.config import LinkConfig
 from formation.messages import OperatorReply, OperatorRequest, Verb
 from formation.requests import LAB as LAB_NAME
-from gcs.security.roles import by_role
 from tests.free_ports import free_port
 from tests.gcs.security.lab import keyed_lab
 from wire.clock import monotonic_ns
-from wire.rejections import RejectionLog
 from wire.schema import schema_of
 from wire.security.bus_access import BusAccess, access_with
-from wire.security.protection import protection_of
-from wire.transport.zenoh_bus import ZenohBus
 from wire.transport.zenoh_session import Patience, ask, open_session
 
 KEYS = (
@@ -162,36 +156,6 @@ def test_nobody_asks_in_anothers_name(tmp_path: Path) -> None:
 
 def _answers(session: zenoh.Session, selector: str) -> list[bytes]:
     return [r.ok.payload.to_bytes() for r in session.get(selector, timeout=0.3) if r.ok is not None]
-
-
-def test_a_viewer_stops_and_does_no_more(tmp_path: Path) -> None:
-    config, _ = keyed_lab(tmp_path)
-    endpoint, rejections, done = f"tls/127.0.0.1:{free_port()}", RejectionLog(), []
-
-    async def fly() -> dict[Verb, OperatorReply]:
-        listening = LinkConfig(zenoh_listen=(endpoint,), zenoh_connect=())
-        ground = await ZenohBus.open(listening, "lab", protection=protection_of(tmp_path / "keys", "ground"))
-
-        def handle(request: OperatorRequest, reply: object) -> None:
-            done.append(request.verb)
-            reply(OperatorReply(request.id, True, ""))  # type: ignore[operator]
-
-        ground.serve("main", by_role(config, handle, rejections, monotonic_ns))
-        access = access_with(tmp_path / "keys", "board")
-        replies = {}
-        for verb in Verb:
-            request = OperatorRequest(1, verb, source="anna@page.1")
-            replies[verb] = await asyncio.to_thread(
-                ask, (endpoint,), "lab", "main", request, Patience.throughout(SETTLE_S), access
-            )
-        await ground.close()
-        return replies
-
-    replies = asyncio.run(fly())
-    assert {verb for verb, reply in replies.items() if reply.accepted} == {Verb.STATUS, Verb.STOP} == set(done)
-    assert replies[Verb.ARM].text == "the role viewer of board.1 may not arm"
-    assert rejections.count == len(Verb) - 2
-    assert rejections.due(monotonic_ns())[0].source == "board.1"
 
 
 def test_who_has_no_certificate_of_the_lab_is_not_on_the_bus(tmp_path: Path) -> None:

@@ -103,13 +103,6 @@ def _slots(state: GroundState, bodies: Sequence[Body], config: LabConfig) -> tup
     if leader is None or state.leader_yaw_rad is None:
         return ()
     grounded = state.phase in (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF) and config.leader.sysid is not None
-    z = config.flight.altitude_m if grounded else leader.pos_lab_m[2]
-    at = (leader.pos_lab_m[0], leader.pos_lab_m[1], z)
-    return about(at, state.leader_yaw_rad, state.slots_lead_m)
-
-
-def about(leader_lab_m: Point, yaw_rad: float, slots_lead_m: Sequence[Sequence[float]]) -> tuple[Point, ...]:
-    """Points of the leader's frame in `lab`."""
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    x0, y0, z0 = leader_lab_m
-    return tuple((x0 + c * x - s * y, y0 + s * x + c * y, z0 + z) for x, y, z in slots_lead_m)
+    z0 = config.flight.altitude_m if grounded else leader.pos_lab_m[2]
+    (x0, y0, _), c, s = leader.pos_lab_m, math.cos(state.leader_yaw_rad), math.sin(state.leader_yaw_rad)
+    return tuple((x0 + c * x - s * y, y0 + s * x + c * y, z0 + z) for x, y, z in state.slots_lead_m)

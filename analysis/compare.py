@@ -5,7 +5,7 @@ In the pictures the first is dark, the second coloured; times count from each on
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from rich.text import Text
 
 from analysis import page
 from analysis.load import Flight, load
-from analysis.metrics import Summary, summarise
+from analysis.metrics import KEYS, Summary, summarise
 from analysis.page import Section, render
 from analysis.plots import style
 from analysis.plots.motion import paths_m
@@ -100,11 +100,6 @@ def _rms(error_m: Float) -> Float:
     return squares
 
 
-FIGURES = (
-    "formation_rms_m", "formation_max_m", "leader_rms_m", "leader_max_m", "vibration_m", "altitude_rms_m",
-    "min_separation_m", "duration_s", "frames", "late_ticks",
-)  # fmt: skip
-LATENCIES = ("mocap_ms", "latency_ms", "age_ms", "link_behind_ms")
 FACTS = ("scenario", "seed", "link", "outcome", "command_hash")
 PROVENANCE = ("date", "versions", "machine", "lab_file")
 SAME = "the same"
@@ -129,14 +124,7 @@ def sides(path_a: Path, path_b: Path) -> tuple[Side, Side]:
 
 def numbers(a: Side, b: Side) -> dict[str, tuple[float | None, float | None]]:
     """Every number of the two summaries, by its key; latencies as `latency_ms.p99` and the like."""
-    found: dict[str, tuple[float | None, float | None]] = {
-        key: (getattr(a.summary, key), getattr(b.summary, key)) for key in FIGURES
-    }
-    for key in LATENCIES:
-        parts = [asdict(value) if (value := getattr(side.summary, key)) is not None else {} for side in (a, b)]
-        for part in dict.fromkeys([*parts[0], *parts[1]]):
-            found[f"{key}.{part}"] = (parts[0].get(part), parts[1].get(part))
-    return found
+    return {key: (a.summary.number(key), b.summary.number(key)) for key in KEYS if key not in FACTS}
 
 
 def configuration(a: Side, b: Side) -> dict[str, tuple[object, object]]:

@@ -76,6 +76,13 @@ class Summary:
     report: str | None
     outcome: Outcome
 
+    def number(self, key: str) -> float | None:
+        """The number of one of `KEYS`; None where it is unknown."""
+        name, _, part = key.partition(".")
+        value = getattr(self, name)
+        number: float | None = getattr(value, part) if part and value is not None else value
+        return number
+
     def as_dict(self) -> dict[str, Any]:
         """Every key; the outcome in words."""
         return asdict(self) | {"outcome": str(self.outcome)}
@@ -234,10 +241,8 @@ class Requirement:
 
     def unmet(self, summary: Summary) -> str | None:
         """Why the flight does not reach it; None where it does. A number that the log does not have is not reached."""
-        value: object = summary.as_dict()
-        for part in self.key.split("."):
-            value = value.get(part) if isinstance(value, dict) else None
-        if not isinstance(value, int | float):
+        value = summary.number(self.key)
+        if value is None:
             return f"{self.text} is required, and not known of this flight"
         reached = RELATIONS[self.relation](value, self.bound)
         return None if reached else f"{self.text} is required, it is {value:.4g}"

@@ -8,6 +8,9 @@ import pytest
 
 from analysis.load import Flight, from_records
 from analysis.metrics import Latency, Summary, parse_requirement, summarise, unmet
+from analysis.plots.motion import leader_error
+from analysis.plots.style import Missing
+from analysis.tracking import track_leader
 from formation.messages import Phase, Verb
 from tests.analysis.synthetic_flight import END_S, LAB, METADATA, PHASES, Recipe, records
 
@@ -78,6 +81,8 @@ def test_a_leader_that_is_only_observed_has_no_tracking_error():
     flight = from_records({**METADATA, "lab": lab.model_dump_json()}, records(Recipe()))
     summary = summarise(flight)
     assert (summary.leader_rms_m, summary.leader_max_m) == (None, None)
+    drawn = leader_error(flight, track_leader(flight))
+    assert drawn == Missing("the leader is only observed, so it has no reference")
 
 
 def test_separation_counts_only_while_airborne():

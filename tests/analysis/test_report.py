@@ -20,14 +20,13 @@ from analysis.console import print_summary
 from analysis.load import Flight, from_records, load
 from analysis.metrics import summarise
 from analysis.picture import picture
-from analysis.plots.motion import leader_error
 from analysis.plots.style import Missing
 from analysis.report import downloads, drawings, folded, html, rejections, report, setup
-from analysis.tracking import track, track_leader
+from analysis.tracking import track
 from formation import topics
 from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase, PhaseChange, Rejection, Severity, Verb
 from formation.topics import Topic
-from tests.analysis.synthetic_flight import LAB, METADATA, T0_NS, Recipe, Record, records, written
+from tests.analysis.synthetic_flight import METADATA, T0_NS, Recipe, Record, records, written
 from wire.link_messages import GROUND, Address, AttitudeSetpoint, Ignore, NamedValue
 from wire.logs import mcap_read
 from wire.logs.mcap_scan import Damage
@@ -166,14 +165,6 @@ def test_a_leader_that_wanders_under_a_tight_formation_is_shown_said_and_pointed
     console = Console(width=200, record=True, file=io.StringIO())
     print_summary(summarise(eventful), console)
     assert re.search(r"leader tracking error +1\d\d mm RMS, 200 mm largest", console.export_text())
-
-
-def test_an_observed_leader_is_said_to_have_no_reference():
-    lab = LAB.model_copy(update={"leader": LAB.leader.model_copy(update={"sysid": None})})
-    flight = from_records({**METADATA, "lab": lab.model_dump_json()}, records(Recipe(error_lead=shake)))
-    drawn = leader_error(flight, track_leader(flight))
-    assert isinstance(drawn, Missing)
-    assert "the leader is only observed, so it has no reference" in str(drawn)
 
 
 @pytest.mark.parametrize(("missing", "lacking"), LACKING)

@@ -1,4 +1,4 @@
-"""The mocap as the ground met it: delay, rhythm, pose noise of each body, and the latency of its stamps.
+"""The mocap as the ground met it: delay, pose noise of each body, and the latency of its stamps.
 
 VRPN and QTM stamp frames with an unknown constant delay. The autopilot reports its own attitude, and TIMESYNC gives its
 clock against the ground's. The time shift that best aligns the direction of gravity in both is that delay. Gravity in
@@ -35,16 +35,14 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """delay_s: capture, as stamped, to receipt by the ground, median; late_s: its 99th percentile."""
+    """delay_s: capture, as stamped, to receipt by the ground, median."""
 
     delay_s: Estimate
-    late_s: float
-    rate_hz: float
     noise: tuple[Noise, ...]
 
 
 def estimate_sensing(flight: Flight) -> Sensing | str:
-    """The mocap's rate, delay and noise, or why there is no estimate."""
+    """The mocap's delay and noise, or why there is no estimate."""
     poses = flight.poses
     if len(poses) < LEAST:
         return "too few mocap frames"
@@ -53,8 +51,7 @@ def estimate_sensing(flight: Flight) -> Sensing | str:
         _noise(vehicle.body, poses, index, ~airborne(flight, poses.t_s))
         for index, vehicle in enumerate(flight.vehicles)
     )
-    spacing_s = float(np.median(np.diff(poses.t_s)))
-    return Sensing(_median(delay_s), float(np.percentile(delay_s, 99.0)), 1.0 / spacing_s, noise)
+    return Sensing(_median(delay_s), noise)
 
 
 def _median(ordered: Float) -> Estimate:

@@ -242,29 +242,26 @@ def test_an_autopilot_with_a_key_takes_the_next_one_from_a_packet_that_the_old_o
     assert len(keys) == 2
 
 
-def test_a_line_that_the_autopilot_trusts_is_said_to_be_one(lab: Path) -> None:
+@pytest.mark.parametrize(
+    ("autopilot", "takes_keys", "code", "words"),
+    [
+        (Autopilot(None, make=3, trusts=True), True, 0, "obeys unsigned commands on this line all the same"),
+        (Autopilot(None), False, 1, "did NOT take its key"),  # as an ArduPilot that is armed
+        (Autopilot(None, system=3), True, 1, "no autopilot of system 2 speaks there; no key was sent"),
+    ],
+    ids=["a trusted line", "not taken", "another system"],
+)
+def test_a_key_that_protects_nothing_is_no_success(
+    autopilot: Autopilot, takes_keys: bool, code: int, words: str, lab: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bridge does not sign either with a key that was not taken; none is sent where another system speaks."""
+    monkeypatch.setattr(autopilot_key, "PRESENT_S", 0.2 if "no autopilot" in words else 5.0)
+    autopilot.takes_keys = takes_keys
     gcs("pack", "drone-2")
-    with on_a_line(Autopilot(None, make=3, trusts=True)) as line:
-        assert "obeys unsigned commands on this line all the same" in install_over(line)
-
-
-def test_a_key_that_is_not_taken_is_no_success(lab: Path) -> None:
-    """As of an ArduPilot that is armed; the bridge then does not sign either."""
-    gcs("pack", "drone-2")
-    autopilot = Autopilot(None)
-    autopilot.takes_keys = False
     with on_a_line(autopilot) as line:
-        assert "did NOT take its key" in install_over(line, code=1)
-    assert not protection_of(Path("there"), "drone-2").autopilot_has_key
-
-
-def test_no_key_is_sent_where_another_system_speaks_or_none(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(autopilot_key, "PRESENT_S", 0.2)
-    gcs("pack", "drone-2")
-    stranger = Autopilot(None, system=3)
-    with on_a_line(stranger) as line:
-        assert "no autopilot of system 2 speaks there; no key was sent" in install_over(line, code=1)
-    assert not stranger.received
+        assert words in install_over(line, code=code)
+    assert protection_of(Path("there"), "drone-2").autopilot_has_key is (code == 0)
+    assert bool(autopilot.received) is (code == 0)
 
 
 @pytest.mark.parametrize(

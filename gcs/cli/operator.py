@@ -315,10 +315,10 @@ def print_status(state: "GroundState", console: "Console") -> None:
         table.add_column(f"{column}\n{unit}", no_wrap=not words, overflow="fold", justify="right" if unit else "left")
     for drone in state.drones:
         mode = "left out" if drone.excluded else drone.mode
-        place = ["-"] * 3 if drone.pos_lab_m is None else [f"{x:.2f}" for x in drone.pos_lab_m]
+        position = ["-"] * 3 if drone.pos_lab_m is None else [f"{x:.2f}" for x in drone.pos_lab_m]
         cells = (
             str(drone.sysid), drone.body, drone.autopilot or "-", mode, "armed" if drone.armed else "-",
-            *place, _number(drone.battery, 100.0, 0), _number(drone.link_behind_s, 1e3, 0),
+            *position, _number(drone.battery, 100.0, 0), _number(drone.link_behind_s, 1e3, 0),
             _number(drone.heartbeat_age_s, 1.0, 1, "never"), _number(drone.age_s, 1.0, 1, "never"),
         )  # fmt: skip
         table.add_row(*map(Text, cells))  # what drones and people said is never markup

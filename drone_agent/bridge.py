@@ -8,7 +8,7 @@ from drone_agent.guard.core import GuardCore, datagrams, warm_up
 from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_protection, open_ground_link
 from formation.messages import Datagram, Event, LabFrame, Severity
 from wire.clock import REAL_TIME, Clock
-from wire.config_file import ConfigError
+from wire.errors import ConfigError
 from wire.mavlink.framing import FrameCutter
 from wire.process.daemon import READY, EventSink, Precondition, Stop, Watchdog, beside, notify, report_missing
 from wire.process.progress import compile_all

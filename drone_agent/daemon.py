@@ -10,7 +10,7 @@ from drone_agent.guarded import GuardedDrone
 from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_protection, open_ground_link
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
-from wire.config_file import ConfigError
+from wire.errors import ConfigError
 from wire.process.daemon import EventSink, Precondition, Punctuality, Stop, beside, report_missing
 from wire.process.progress import compile_all
 from wire.rejections import RejectionLog

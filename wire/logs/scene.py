@@ -3,8 +3,9 @@
 An entity is drawn once and moves with its frame, so that only the frames' transforms are sent often.
 """
 
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Iterable, Sequence
+from itertools import combinations, product
+from operator import ne
 from typing import Any
 
 from foxglove_schemas_protobuf.Color_pb2 import Color
@@ -43,28 +44,24 @@ def slot_frame(body: str) -> str:
 
 def bodies(frame: m.LabFrame, unix_ns: int) -> bytes:
     """Where the bodies are that were seen, as frames of their names in `lab`."""
-    transforms = FrameTransforms()
-    stamp = _stamp(unix_ns)
     rows = zip(frame.bodies, frame.pos_lab_m.tolist(), frame.q_lab_from_flu.tolist(), frame.seen.tolist(), strict=True)
-    for body, (x, y, z), (qw, qx, qy, qz), seen in rows:
-        if not seen:
-            continue
-        transform = transforms.transforms.add(timestamp=stamp, parent_frame_id=LAB, child_frame_id=body)
-        translation, rotation = transform.translation, transform.rotation
-        translation.x, translation.y, translation.z = x, y, z
-        rotation.x, rotation.y, rotation.z, rotation.w = qx, qy, qz, qw
-    return _bytes(transforms)
+    return _transforms(((body, pos, q) for body, pos, q, seen in rows if seen), unix_ns)
 
 
 def slots(names: Sequence[str], pos_lab_m: Vec3s, unix_ns: int) -> bytes:
     """Where these bodies should be, as frames in `lab`."""
-    transforms = FrameTransforms()
-    stamp = _stamp(unix_ns)
-    for body, (x, y, z) in zip(names, pos_lab_m.tolist(), strict=True):
-        transform = transforms.transforms.add(timestamp=stamp, parent_frame_id=LAB, child_frame_id=slot_frame(body))
-        translation = transform.translation
+    rows = zip(names, pos_lab_m.tolist(), strict=True)
+    return _transforms(((slot_frame(body), pos, (1.0, 0.0, 0.0, 0.0)) for body, pos in rows), unix_ns)
+
+
+def _transforms(rows: Iterable[tuple[str, Sequence[float], Sequence[float]]], unix_ns: int) -> bytes:
+    """Frames in `lab`: the name, place and quaternion (w x y z) of each."""
+    transforms, stamp = FrameTransforms(), _stamp(unix_ns)
+    for name, (x, y, z), (qw, qx, qy, qz) in rows:
+        transform = transforms.transforms.add(timestamp=stamp, parent_frame_id=LAB, child_frame_id=name)
+        translation, rotation = transform.translation, transform.rotation
         translation.x, translation.y, translation.z = x, y, z
-        transform.rotation.w = 1.0
+        rotation.x, rotation.y, rotation.z, rotation.w = qx, qy, qz, qw
     return _bytes(transforms)
 
 
@@ -123,18 +120,11 @@ def _fence(entity: SceneEntity, fence: Fence) -> None:
     lines = entity.lines.add(type=LinePrimitive.LINE_LIST, thickness=1.5, scale_invariant=True)
     lines.pose.orientation.w = 1.0
     lines.color.CopyFrom(_colour(ALARM, 0.7))
-    for a, b in _edges():
-        for corner in (a, b):
-            x, y, z = (fence.high_m[k] if up else fence.low_m[k] for k, up in enumerate(corner))
-            lines.points.add(x=x, y=y, z=z)
-
-
-def _edges() -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
-    """Pairs of corners (0 or 1 on each axis) that differ on one axis."""
-    for corner in product((0, 1), repeat=3):
-        for axis in range(3):
-            if not corner[axis]:
-                yield corner, (*corner[:axis], 1, *corner[axis + 1 :])
+    for a, b in combinations(product((0, 1), repeat=3), 2):
+        if sum(map(ne, a, b)) == 1:  # corners that differ on one axis
+            for corner in (a, b):
+                x, y, z = (fence.high_m[k] if up else fence.low_m[k] for k, up in enumerate(corner))
+                lines.points.add(x=x, y=y, z=z)
 
 
 def _colour(code: str, alpha: float) -> Color:

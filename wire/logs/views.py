@@ -254,21 +254,6 @@ Shown = tuple[int, bytes]
 """(channel, message)."""
 
 
-@dataclass(slots=True)
-class _RateLimiter:
-    """Lets something pass at most once every `spacing_ns`."""
-
-    spacing_ns: int
-    next_ns: int = 0
-
-    def due(self, t_ns: int, at_least_ns: int = 0) -> bool:
-        """Whether it passes now; if so, the next may pass `spacing_ns` or `at_least_ns` later."""
-        if t_ns < self.next_ns:
-            return False
-        self.next_ns = t_ns + max(self.spacing_ns, at_least_ns)
-        return True
-
-
 class Views:
     """The views of one log, made of its records as they are written. Without a lab there are log lines alone."""
 
@@ -307,20 +292,18 @@ class _Flight:
         self._scene = add_channel("/scene", *_foxglove(SceneUpdate))
         self._trails = add_channel("/scene/trails", *_foxglove(SceneUpdate))
         self._states = DroneStates(len(self._bodies), lab.commanded)
-        self._limiters = {
-            "state": _RateLimiter(70_000_000),
-            "tf": _RateLimiter(70_000_000),
-            "slots": _RateLimiter(200_000_000),
-        }
-        self._slow_limiters = {
-            "link": _RateLimiter(LINK_NS),
-            "scene": _RateLimiter(10_000_000_000),
-            "point": _RateLimiter(200_000_000),
-            "trail": _RateLimiter(2_000_000_000),
-        }
+        self._next_ns: dict[str, int] = {}
+        """When each view may be shown again, at the earliest."""
         self._tick: dict[type, object] = {}
         self._trails_m: list[list[tuple[float, float, float]]] = [[] for _ in self._bodies]
         self._calm_ns = CALM_NS
+
+    def _is_due(self, view: str, t_ns: int, spacing_ns: int) -> bool:
+        """Whether a view is shown now; if so, the next is shown no earlier than the spacing later."""
+        is_due = t_ns >= self._next_ns.get(view, 0)
+        if is_due:
+            self._next_ns[view] = t_ns + spacing_ns
+        return is_due
 
     def of(self, topic: Topic, message: object, t_ns: int, unix_ns: int) -> Iterator[Shown]:
         match message:
@@ -332,24 +315,24 @@ class _Flight:
                 yield from self._control(message, t_ns, unix_ns)
             case m.Datagram() if topic is topics.LINK_UP and message.sysid in self._link_of:
                 self._link_of[message.sysid][1].receive(message, t_ns)
-            case m.Tick() if self._slow_limiters["link"].due(t_ns):
+            case m.Tick() if self._is_due("link", t_ns, LINK_NS):
                 for channel, view in self._link_of.values():
                     yield channel, self._encode_link(view.now(t_ns))
             case m.PhaseChange():
                 self._calm_ns = CALM_NS if message.phase in CALM else 0
 
     def _frame(self, frame: m.LabFrame, t_ns: int, unix_ns: int) -> Iterator[Shown]:
-        if self._slow_limiters["scene"].due(t_ns):
+        if self._is_due("scene", t_ns, 10_000_000_000):
             yield self._scene, scene.lab_scene(self._lab, unix_ns)
-        if self._limiters["tf"].due(t_ns, self._calm_ns):
+        if self._is_due("bodies", t_ns, max(70_000_000, self._calm_ns)):
             yield self._tf, scene.bodies(frame, unix_ns)
         if self._calm_ns or frame.bodies != self._bodies:
             return
-        if self._slow_limiters["point"].due(t_ns):
+        if self._is_due("point", t_ns, 200_000_000):
             for trail_m, pos, seen in zip(self._trails_m, frame.pos_lab_m.tolist(), frame.seen.tolist(), strict=True):
                 if seen:
                     trail_m.append(tuple(pos))
-        if self._slow_limiters["trail"].due(t_ns):
+        if self._is_due("trail", t_ns, 2_000_000_000):
             yield self._trails, scene.trails(self._trails_m, self._bodies, unix_ns)
             self._trails_m = [trail_m[-1:] for trail_m in self._trails_m]
 
@@ -357,11 +340,11 @@ class _Flight:
         state, reference, command = (self._tick.get(kind) for kind in (m.SwarmState, m.Reference, m.Command))
         if not isinstance(reference, m.Reference) or len(reference.slot_lead_m) != len(self._commanded):
             return
-        if self._limiters["slots"].due(t_ns, self._calm_ns):
+        if self._is_due("slots", t_ns, max(200_000_000, self._calm_ns)):
             yield self._tf, scene.slots(self._commanded, reference_lab(reference), unix_ns)
         if not isinstance(state, m.SwarmState) or not isinstance(command, m.Command):
             return
-        if self._limiters["state"].due(t_ns, self._calm_ns):
+        if self._is_due("state", t_ns, max(70_000_000, self._calm_ns)):
             for i, data in self._states.pack(state, reference, command, target):
                 yield self._state_of[i], data
 

@@ -55,9 +55,8 @@ class VehicleBody(Model):
     """One rigid body the mocap sees: its name, its drone (if commanded) and its marker frame's alignment.
 
     link: the drone's own link where it has one, `udp:HOST:PORT` or `udpin:HOST:PORT`. guard: "none" with such a link: a
-    real autopilot that nothing guards has to be said to be one. spawn_lab_m: for mocap source `mavlink`, where in the
-    lab the origin of the drone's own local position is; of a commanded leader, whatever the source, where it is
-    expected to start.
+    real autopilot that nothing guards has to be said to be one. spawn_lab_m: where in the
+    lab the drone is expected to start: simulators begin there.
     """
 
     body: Name

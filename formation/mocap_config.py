@@ -29,8 +29,8 @@ UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 CAMERA_SYSTEMS = ("vrpn", "chingmu", "natnet", "qualisys", "vicon", "ros2")
 MILLIMETRES = ("chingmu", "qualisys", "vicon")
 """What these send, whatever else is set."""
-IN_METRES = ("zenoh", "mavlink", "ros2")
-"""What is defined in metres, by messages of ours, of MAVLink or of ROS."""
+IN_METRES = ("zenoh", "ros2")
+"""What is defined in metres, by messages of ours or of ROS."""
 BODY = "{body}"
 """What stands for a body's name in a topic."""
 Topic = Annotated[str, Field(pattern=r"^(/([A-Za-z0-9_]|\{body\})+)+$", max_length=128)]
@@ -141,14 +141,13 @@ class Ros2Config(Model):
 class MocapConfig(Model):
     """Where poses come from, and the one rotation from the mocap's axes to `lab`.
 
-    source `mavlink`: simulated autopilots say themselves where they are; no mocap, and no pose is sent to them.
     delay_s: from exposure to receipt on the whole, what the loop's delay margin is computed with. latency_s: the part
     of it that is constant, which VRPN and QTM do not report; `gcs-log identify` estimates it; delay_s if not given.
     axes: where the mocap's own x, y and z point, such as ["x forward", "y up", "z right"], instead of q_lab_from_mocap.
     names: the lab's body for what the source calls it (Chingmu: the sensor's number), where the two differ.
     """
 
-    source: Literal["zenoh", "csv", "mavlink", "vrpn", "chingmu", "natnet", "qualisys", "vicon", "ros2"] = "zenoh"
+    source: Literal["zenoh", "csv", "vrpn", "chingmu", "natnet", "qualisys", "vicon", "ros2"] = "zenoh"
     """Protocol by which poses arrive."""
     file: str | None = None
     """Recording that the source `csv` plays."""
@@ -184,6 +183,14 @@ class MocapConfig(Model):
     def source_name(self, body: str) -> str:
         """What the source calls the lab's body."""
         return next((theirs for theirs, ours in self.names.items() if ours == body), body)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _source_is_of_cameras(cls, values: Any) -> Any:
+        if isinstance(values, dict) and values.get("source") == "mavlink":
+            why = 'is gone: write "zenoh", and let examples/sitl_poses.py publish what the simulators say'
+            raise WrongKeyError("source", why, "mavlink")
+        return values
 
     @model_validator(mode="before")
     @classmethod

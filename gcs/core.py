@@ -41,7 +41,7 @@ from formation.safety.rules import Facts
 from formation.topics import Topic
 from gcs import formation_change
 from gcs.alarms import ACKNOWLEDGED
-from gcs.drones.autopilot_poses import streams
+from gcs.drones.autopilot_model import streams
 from gcs.drones.drone import Drone, Goal
 from gcs.drones.link_state import DroneLink
 from gcs.drones.packets import Packets
@@ -98,10 +98,9 @@ class GcsCore:
         self._t0_ns, self._session = t0_ns, session
         self._without, self._gains = without, gains
         self._host = Host(without)
-        self._feeds_pose = config.mocap.source != "mavlink"
         self._drones = tuple(Drone(i, self._link(config, i)) for i in config.commanded)
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
-        self._packets = Packets(self._drones, self._feeds_pose, session, t0_ns)
+        self._packets = Packets(self._drones, session, t0_ns)
         for link in self._links.values() if STOP_REPEAT in without else ():
             link.commands.urgent_retry_ns = COMMAND_RETRY_NS
         self._hold_off = SetpointHoldOff(config.commanded, len(config.vehicles), on=SETPOINT_HOLD_OFF not in without)
@@ -136,9 +135,8 @@ class GcsCore:
 
     def _link(self, config: LabConfig, i: int) -> DroneLink:
         vehicle = config.vehicles[i]
-        origin = config.origin if self._feeds_pose else None
         sysid, profile, address = vehicle.sysid or 0, config.profile_of(vehicle), ground_address(self._session)
-        return DroneLink(vehicle, sysid, profile, streams(config), origin, address)
+        return DroneLink(vehicle, sysid, profile, streams(config), config.origin, address)
 
     @property
     def phase(self) -> Phase:
@@ -376,7 +374,7 @@ class GcsCore:
             drone.checked = True
             events += [
                 Event(Severity.WARNING, link.name, text, code=EventCode.PARAMETER, subject=name)
-                for name, text in parameter_warnings(link, self._feeds_pose)
+                for name, text in parameter_warnings(link)
             ]
         return events
 

@@ -40,7 +40,6 @@ from formation.requests import ENDPOINT, GCS_NAME, time_ns
 from gcs.alarms import EventMemory
 from gcs.core import GcsCore
 from gcs.doctor.restart_record import watch_record
-from gcs.drones.autopilot_poses import AutopilotPoses
 from gcs.drones.links import GroundLinks, open_links
 from gcs.lab.findings import judge_margins
 from gcs.recording import Input, Recorder, run_metadata
@@ -114,7 +113,6 @@ class Ground:
         self.button_trouble = self.exposed = ""
         self._clock = clock
         self._watchdog = Watchdog()
-        self._poses = AutopilotPoses(config) if config.mocap.source == "mavlink" else None
         self._spacing_s = 1.0 / config.mocap.rate_hz
         self.received_sysids: set[int] = set()
         """System ids of the drones that have sent a datagram."""
@@ -142,16 +140,10 @@ class Ground:
         self._tick(now_ns)
 
     def receive_datagram(self, datagram: Datagram) -> None:
-        """Receive a datagram of a drone. It may complete a frame where the drones report their own poses.
-
-        Replies and such frames wait until everything that has arrived is read, so that no old frame is flown first.
-        """
+        """Receive a datagram of a drone; replies wait until everything that has arrived is read."""
         now_ns = self._clock.monotonic_ns()
         self.received_sysids.add(datagram.sysid)
         self._input(datagram, now_ns)
-        frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
-        if frame is not None:
-            self._frame(frame, now_ns)
         if self._core.next_deadline_ns() <= now_ns and not self._tick_scheduled:
             self._tick_scheduled = True
             self._loop.call_soon(self._tick_if_due)
@@ -427,8 +419,7 @@ async def _serve(config: LabConfig, lab_file: Path, ground: Ground, bus: ZenohBu
         loop.add_signal_handler(number, on_signal)
     mocap = MocapBus(bus, clock)
     mocap.on_event(ground.receive_mocap_event)  # before frames: who is sent those is known to listen to events by then
-    if config.mocap.source != "mavlink":  # there the drones' links bring the poses
-        mocap.on_frame(ground.receive_frame)
+    mocap.on_frame(ground.receive_frame)
     parts = (  # an error of these lands nobody
         watch_button(config.operator.stop_button, ground),  # first: it is there from the first
         record_dates(ground.log, clock),
@@ -489,11 +480,8 @@ def awaited_by_ground(config: LabConfig, bus: ZenohBus, ground: Ground) -> list[
     if not bus.listens:
         remedy = "nobody is there: start the router, or leave link.zenoh_connect out, and the ground listens itself"
         awaited.append(bus_at(config.link.zenoh_connect, lambda: bus.is_joined, remedy))
-    if config.mocap.source != "mavlink":
-        remedy = "none has come: `gcs mocap discover` finds camera systems, `gcs doctor` says what is amiss"
-        awaited.append(
-            Precondition(f"frames of mocap source {config.mocap.source!r}", lambda: ground.has_frame, remedy)
-        )
+    remedy = "none has come: `gcs mocap discover` finds camera systems, `gcs doctor` says what is amiss"
+    awaited.append(Precondition(f"frames of mocap source {config.mocap.source!r}", lambda: ground.has_frame, remedy))
     return awaited + [_awaited_drone(config.vehicles[i], ground) for i in config.commanded]
 
 

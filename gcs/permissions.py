@@ -293,15 +293,12 @@ CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
 """The conditions of each request, beside its phase (formation.safety.phases.TABLE), in the order of a flight."""
 
 
-def parameter_warnings(link: DroneLink, feeds_pose: bool) -> tuple[tuple[str, str], ...]:
-    """Parameters that were read and are not as wanted, but do not keep the drone on the ground, each with a text.
-
-    feeds_pose: whether this ground sends the drone its pose.
-    """
+def parameter_warnings(link: DroneLink) -> tuple[tuple[str, str], ...]:
+    """Parameters that were read and are not as wanted, but do not keep the drone on the ground, each with a text."""
     if link.model is None:
         return ()
-    known, applying = link.parameters.values, (r for r in link.model.rules if feeds_pose or not r.external_pose)
-    wrong = [r for r in applying if r.name in known and not r.holds(known[r.name]) and not r.rejects(known[r.name])]
+    read = ((rule, link.parameters.values.get(rule.name)) for rule in link.model.rules)
+    wrong = [rule for rule, found in read if found is not None and not rule.holds(found) and not rule.rejects(found)]
     return tuple((rule.name, _parameter_text(link, rule)) for rule in wrong) + _hover_warning(link)
 
 

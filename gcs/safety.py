@@ -205,12 +205,9 @@ class FactGatherer:
         self._own = np.array(config.commanded)
         self._commanded = np.isin(np.arange(len(self._names)), self._own)
         self.attitudes = AttitudeMonitor(len(self._names))
-        self._own_mocap = config.mocap.source == "mavlink"
 
     def compare_attitudes(self, frame: LabFrame | None) -> None:
-        """The mocap's against the drones' own, as far as they are new; drones that are their own mocap have but one."""
-        if self._own_mocap:
-            return
+        """The mocap's against the drones' own, as far as they are new."""
         if frame is not None:
             self.attitudes.receive_frame(frame)
         which, stamps_ns, attitudes = list[int](), list[int](), list[Quat]()
@@ -243,8 +240,7 @@ class FactGatherer:
             excluded[i], landing[i] = drone.excluded, drone.leaving_to is not None
             ages_s[i] = link.ages_s(now_ns)
             battery[i] = link.telemetry.battery
-            if not self._own_mocap:  # what comes by the same link as the poses confirms nothing
-                own_tilt[i], own_pos[i] = link.own_estimate.at(now_ns)
+            own_tilt[i], own_pos[i] = link.own_estimate.at(now_ns)
             reported[i] = (link.armed, link.offboard or drone.joining(now_ns), link.sequence.duplicate(now_ns))
         own_tilts, batteries = np.array([own_tilt, battery])
         heartbeats, silences, behind, ages = np.ascontiguousarray(np.array(ages_s).T)

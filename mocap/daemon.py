@@ -327,8 +327,6 @@ def serve(
 
     On a terminal a table shows the mocap's state; with as_json a line of JSON is printed each second.
     """
-    if config.mocap.source == "mavlink":
-        fail('source "mavlink" has no cameras: the ground hears the poses from the drones themselves', NOT_RIGHT)
     compile_all("gcs", lambda: warm_up(config), sys.stderr)
     try:
         with _outputs(as_json) as outputs:

@@ -50,9 +50,6 @@ async def mocap_service(
     ground: the name under which the ground is on the bus.
     Raises ServiceError where it cannot be started, or serves another configuration than `config`.
     """
-    if config.mocap.source == "mavlink":
-        yield
-        return
     served = await bus.serving(FIND_S)
     if served is not None:
         if served != configuration_name(config):

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from formation.config import FollowerConfig, LabConfig
+from formation.config import LabConfig
 from formation.guidance.preview import expected_start
 from formation.mocap_config import CAMERA_SYSTEMS, MocapConfig
 
@@ -14,7 +14,7 @@ def with_stand_ins(lab: LabConfig) -> LabConfig:
     """The lab with simulated drones on the shared link and emulated cameras on the bus; the rest as the file has it."""
     cameras: dict[str, object] = dict.fromkeys(CAMERA_SYSTEMS)
     mocap = lab.mocap.model_copy(update=cameras | {"source": "zenoh", "file": None, "unit": None, "names": {}})
-    followers = tuple(_simulated(follower) for follower in lab.followers)
+    followers = tuple(follower.model_copy(update={"link": None}) for follower in lab.followers)
     leader = lab.leader.model_copy(update={"link": None})
     operator = lab.operator.model_copy(update={"stop_button": None})
     real = {"mocap": mocap, "leader": leader, "followers": followers, "operator": operator, "security": None}
@@ -47,16 +47,10 @@ def scenario_values(lab: LabConfig, values: dict[str, Any]) -> dict[str, Any]:
     return values | made
 
 
-def _simulated(follower: FollowerConfig) -> FollowerConfig:
-    """Without its link, and without the place that only an autopilot's own poses need."""
-    return follower.model_copy(update={"link": None, "spawn_lab_m": (0.0, 0.0, 0.0)})
-
-
 def _at_start_positions(lab: LabConfig, configured: list[Any]) -> list[Any]:
     """The drones where the lab file expects them to start, unless the scenario says where."""
     starts = {lab.leader.sysid: (lab.leader.spawn_lab_m, lab.leader.spawn_yaw_rad)}
-    if lab.mocap.source == "mavlink":
-        starts |= {follower.sysid: (follower.spawn_lab_m, 0.0) for follower in lab.followers}
+    starts |= {f.sysid: (f.spawn_lab_m, 0.0) for f in lab.followers if "spawn_lab_m" in f.model_fields_set}
     tables = {table.get("sysid"): table for table in configured if isinstance(table, dict)}
     for sysid, (start_lab_m, yaw_rad) in starts.items():
         if sysid is not None:

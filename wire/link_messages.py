@@ -75,7 +75,6 @@ class MessageId(IntEnum):
     SET_POSITION_TARGET_GLOBAL_INT = 86
     VISION_POSITION_ESTIMATE = 102
     HIGHRES_IMU = 105
-    SIM_STATE = 108
     TIMESYNC = 111
     HIL_STATE_QUATERNION = 115
     LOG_REQUEST_LIST = 117
@@ -286,10 +285,7 @@ class Origin(NamedTuple):
 
 
 class SimTruth(NamedTuple):
-    """HIL_STATE_QUATERNION (115) or SIM_STATE (108): a simulated autopilot's true state.
-
-    vel_step_m_s: resolution of the velocity: 0.01 in HIL_STATE_QUATERNION, 0 (floats) in SIM_STATE.
-    """
+    """HIL_STATE_QUATERNION (115): a simulated autopilot's true state."""
 
     t_us: int
     q_lab_from_flu: Quat
@@ -297,7 +293,6 @@ class SimTruth(NamedTuple):
     lat_deg: float
     lon_deg: float
     alt_m: float
-    vel_step_m_s: float = 0.01
 
 
 class ModeFlag(IntFlag):

@@ -116,14 +116,13 @@ class Unit:
 
 
 def ground_units(lab_file: Path, config: "LabConfig", user: str) -> tuple[Unit, ...]:
-    """The mocap process that outlives every ground, where the lab has cameras, and the ground; lab_file: absolute."""
-    has_cameras = config.mocap.source != "mavlink"
+    """The mocap process that outlives every ground, and the ground; lab_file: absolute."""
     mocap = _unit("mocap", "mocap", ("gcs", "mocap", str(lab_file)), lab=config.name, user=user)
     ground = _unit(
         "ground", "ground", ("gcs", "run", str(lab_file)), lab=config.name, user=user,
-        mocap=mocap.name if has_cameras else "", groups="" if config.operator.stop_button is None else "input",
+        mocap=mocap.name, groups="" if config.operator.stop_button is None else "input",
     )  # fmt: skip
-    return (mocap, ground) if has_cameras else (ground,)
+    return mocap, ground
 
 
 def bridge_unit(lab_file: Path, config: "LabConfig", user: str, body: str, autopilot: str) -> Unit:

@@ -70,9 +70,8 @@ def _timing(config: LabConfig, received: Sequence[Received], retimed_scatter_s: 
     close = abs(found.rate_hz - wanted_hz) <= RATE_WITHIN * wanted_hz
     why = "mocap.rate_hz sets the watchdog and the delay margin"
     yield graded(MOCAP, "rate", f"{found.rate_hz:.1f} Hz", f"{wanted_hz:g} Hz", close, why)
-    simulated = config.mocap.source == "mavlink"  # of no camera: a busy computer's, which the flight may still carry
     fair, most = found.jitter_s <= JITTER_SHARE / wanted_hz, f"under {500.0 / wanted_hz:.1f} ms"
-    yield graded(MOCAP, "jitter", f"{found.jitter_s * 1e3:.2f} ms", most, fair, "uneven frames", simulated)
+    yield graded(MOCAP, "jitter", f"{found.jitter_s * 1e3:.2f} ms", most, fair, "uneven frames")
     yield _stamps(found.arrival_stamps, retimed_scatter_s)
     yield _lost_frames(config.mocap.source, found.lost_share)
     yield _delay(config.mocap, found.delay_s)
@@ -90,18 +89,17 @@ def _stamps(are_arrival_times: bool, retimed_scatter_s: float | None) -> Finding
 
 def _lost_frames(source: str, lost: float) -> Finding:
     check, wanted = "lost frames", "under 2%"
-    if source in ("csv", "mavlink"):
-        return unmeasured(MOCAP, check, wanted, f'source "{source}" numbers no frames: what is lost does not show')
+    if source == "csv":
+        return unmeasured(MOCAP, check, wanted, 'source "csv" numbers no frames: what is lost does not show')
     return graded(MOCAP, check, f"{lost:.1%}", wanted, lost <= LOST_SHARE, "network or cameras", fair=True)
 
 
 def _delay(mocap: MocapConfig, delay_s: float) -> Finding:
     """From exposure to receipt, where frames say when they were exposed; else it is only what the lab file says."""
     check, wanted = "delay", f"{mocap.delay_s * 1e3:.1f} ms"
-    if mocap.source in ("csv", "mavlink"):
-        return unmeasured(
-            MOCAP, check, wanted, f'source "{mocap.source}" reports no exposure time: mocap.delay_s is used'
-        )
+    if mocap.source == "csv":
+        why = 'source "csv" reports no exposure time: mocap.delay_s is used'
+        return unmeasured(MOCAP, check, wanted, why)
     if 0.0 <= delay_s < DELAY_LEAST_S:
         return unmeasured(MOCAP, check, wanted, "frames are stamped as they are sent, not as they are exposed")
     close = abs(delay_s - mocap.delay_s) <= DELAY_WITHIN_S
@@ -122,8 +120,7 @@ def _rest(config: LabConfig, pos: Float, q: Float, seen: Bool) -> Iterator[Findi
     for i, vehicle in enumerate(config.vehicles):
         if not seen[:, i].any() or vehicle.sysid is None:
             continue
-        if config.mocap.source != "mavlink":  # a simulator's true pose has no noise: one at rest is the same each time
-            yield _noise(vehicle.body, pos[seen[:, i], i])
+        yield _noise(vehicle.body, pos[seen[:, i], i])
         tilt = float(np.median(_tilt_rad(q[seen[:, i], i])))
         why = "the marker frame is not level: q_marker_from_flu"
         if tilt > ON_SIDE_RAD:
@@ -211,12 +208,12 @@ class DroneReport:
     """Whether the lab file says which vehicle it is."""
 
 
-def check_drone(report: DroneReport, feeds_pose: bool) -> tuple[Finding, ...]:
-    """Judge one drone; feeds_pose: whether this ground sends it its pose."""
-    return tuple(_check(report, feeds_pose))
+def check_drone(report: DroneReport) -> tuple[Finding, ...]:
+    """Judge one drone."""
+    return tuple(_check(report))
 
 
-def _check(report: DroneReport, feeds_pose: bool) -> Iterator[Finding]:
+def _check(report: DroneReport) -> Iterator[Finding]:
     name = report.name
     if report.foreign_sysid is not None:
         found = f"drone {report.foreign_sysid} answers"
@@ -228,8 +225,7 @@ def _check(report: DroneReport, feeds_pose: bool) -> Iterator[Finding]:
     yield Finding(name, "autopilot", Grade.PASS, f"{report.model.name} {report.version or '(version not reported)'}")
     yield from _check_link(report)
     for rule in report.model.rules:
-        if feeds_pose or not rule.external_pose:
-            yield _check_rule(report, rule)
+        yield _check_rule(report, rule)
     for parameter, why in report.awaiting_restart:
         # Some autopilots' clocks are their computers', and show no restart that nobody here heard.
         yield unmeasured(name, f"restart for {parameter}", "restarted", f"it {why}", Grade.FAIL)

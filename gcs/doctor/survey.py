@@ -32,7 +32,7 @@ from gcs.doctor.mavsdk_drone import (
     write_parameter,
 )
 from gcs.doctor.restart_record import Unmet, unmet_ns
-from gcs.drones.autopilot_poses import AutopilotPoses, streams
+from gcs.drones.autopilot_model import streams
 from gcs.drones.link_state import DroneLink
 from gcs.drones.links import GroundLinks, open_links
 from gcs.drones.telemetry import ground_heartbeat
@@ -76,8 +76,6 @@ class Survey:
         self.retimed_scatter_s: float | None = None
         self._names = tuple(v.body for v in config.vehicles)
         self.links: GroundLinks | None = None
-        self._feeds_pose = config.mocap.source != "mavlink"
-        self._poses = None if self._feeds_pose else AutopilotPoses(config)
         self.drones = {
             v.sysid: DroneLink(v, v.sysid, config.profile_of(v), streams(config))
             for v in config.vehicles
@@ -99,12 +97,8 @@ class Survey:
         self.retimed_scatter_s = state.get("retimed_scatter_s")
 
     def receive_datagram(self, datagram: Datagram) -> None:
-        """Receive a datagram for our own link, for MAVSDK where it listens, and for poses without a mocap."""
-        now_ns = clock.monotonic_ns()
-        self.drones[datagram.sysid].receive(datagram.data, now_ns, datagram.superseded)
-        frame = None if self._poses is None else self._poses.receive(datagram, now_ns)
-        if frame is not None:
-            self.received.append((now_ns, frame))
+        """Receive a datagram for our own link, and for MAVSDK where it listens."""
+        self.drones[datagram.sysid].receive(datagram.data, clock.monotonic_ns(), datagram.superseded)
         if datagram.sysid in self._ports:
             self._ports[datagram.sysid].hand_over(datagram.data)
 
@@ -247,7 +241,7 @@ class Survey:
                 awaiting_restart=tuple((name, restart_text(link)) for name in link.awaiting_restart),
                 names_profile=sysid in named,
             )
-            findings += check_drone(report, self._feeds_pose)
+            findings += check_drone(report)
         return tuple(findings)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+from formation.config import LabConfig
 from formation.vehicle.profile import VehicleProfile
 from gcs.drones.telemetry import Telemetry
 from wire.autopilots.ardupilot import ARDUPILOT, THRUST_AS_THRUST
@@ -37,7 +38,7 @@ class ParameterRule:
 
     vital: without it our setpoints would be misread or not die in time, so arming is refused, but for a value that it
     tolerates.
-    external_pose: applies only where this ground feeds the drone its pose.
+    external_pose: without it the drone does not fly by the poses that it is sent: a fault of the doctor.
     """
 
     name: str
@@ -265,3 +266,8 @@ ARDUPILOT_MODEL = GroundModel(
 GROUND_MODELS: Mapping[MavAutopilot, GroundModel] = MappingProxyType(
     {model.table.autopilot: model for model in (PX4_MODEL, ARDUPILOT_MODEL)}
 )
+
+
+def streams(config: LabConfig) -> tuple[tuple[int, float], ...]:
+    """The messages to ask each drone for beside its model's, id and rate, Hz: its accelerometer's, where wanted."""
+    return ((int(MessageId.HIGHRES_IMU), config.link.imu_rate_hz),) if config.link.imu_rate_hz > 0.0 else ()

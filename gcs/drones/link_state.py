@@ -299,7 +299,7 @@ class DroneLink:
                     self._reject_log.note(self.name, reason, now_ns)
                 elif self.model is not None:
                     name, value = message.name, self.parameters.values[message.name]
-                    self.boot_parameters.read(name, value, self.model, self._origin is not None, now_ns)
+                    self.boot_parameters.read(name, value, self.model, now_ns)
             case AttitudeQuaternion():
                 t_ns = self._made_ns(message.t_boot_ms * 1_000_000, now_ns)
                 self.own_estimate.receive_attitude(message.q_lab_from_flu, NEVER_NS if t_ns is None else t_ns)

@@ -18,10 +18,9 @@ POSE_NS = 20_000_000
 class Packets:
     """One ground's packets: the heartbeat rides on ticks with a frame alone, poses on every second one at 100 Hz."""
 
-    def __init__(self, drones: Sequence[Drone], feeds_pose: bool, session: int, t0_ns: int) -> None:
-        """feeds_pose: whether drones are sent their own pose. session: the ground session."""
+    def __init__(self, drones: Sequence[Drone], session: int, t0_ns: int) -> None:
+        """session: the ground session."""
         self._drones = drones
-        self._feeds_pose = feeds_pose
         self._heartbeat = ground_heartbeat(session)
         self._setpoints = SetpointBatch(ground_address(session), [drone.link.target for drone in drones])
         self._poses = PoseBatch(ground_address(session), len(drones))
@@ -35,7 +34,7 @@ class Packets:
         frame: of this tick; without one neither heartbeat, pose nor setpoint is sent. target: streamed now, if any.
         """
         beat = frame is not None and now_ns >= self._heartbeat_due_ns
-        pose = self._feeds_pose and frame is not None and now_ns >= self._pose_due_ns
+        pose = frame is not None and now_ns >= self._pose_due_ns
         if beat:
             self._heartbeat_due_ns = now_ns + HEARTBEAT_NS
         if pose:  # a steady 50 Hz out of frames that jitter

@@ -261,10 +261,9 @@ class BootParameters:
         """It was written, or found not as wanted, at `t_ns`."""
         self._unmet_ns[name] = max(t_ns, self._unmet_ns.get(name, t_ns))
 
-    def read(self, name: str, value: float, model: GroundModel, feeds_pose: bool, now_ns: int) -> None:
-        """Its value was read; feeds_pose: whether this ground sends the drone its pose."""
-        applies = feeds_pose or not any(rule.external_pose for rule in model.rules if rule.name == name)
-        if applies and name in model.table.read_at_boot and _breaks_rule(name, value, model):
+    def read(self, name: str, value: float, model: GroundModel, now_ns: int) -> None:
+        """Its value was read."""
+        if name in model.table.read_at_boot and _breaks_rule(name, value, model):
             self.note_unmet(name, now_ns)
 
     def awaiting(

@@ -240,7 +240,7 @@ def judge_separation(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         why = f"the named shapes ({named}) would put neighbours nearer than limits.min_separation_m = {least_m:g} m"
         yield keys.reject("formation.spacing_m", SEPARATION, why, f"{least_m:g} m or more")
     yield from _width(config, keys)
-    if config.mocap.source == "mavlink":
+    if any("spawn_lab_m" in follower.model_fields_set for follower in config.followers):
         yield from _spawns(config, keys)
 
 
@@ -276,7 +276,7 @@ def _width(config: LabConfig, keys: Keys) -> Iterator[Finding]:
 
 
 def _spawns(config: LabConfig, keys: Keys) -> Iterator[Finding]:
-    """Where simulators start their drones: arming is refused outside the fence, and too near to another."""
+    """Where drones are expected to start: arming is refused outside the fence, and too near to another."""
     least_m, fence = config.limits.min_separation_m, config.limits.fence
     for order, i in enumerate(config.commanded):
         vehicle, spawn = config.vehicles[i], np.array(config.vehicles[i].spawn_lab_m)
@@ -373,13 +373,6 @@ def _mocap(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         yield keys.warn("mocap.file", UNUSED, f'nothing is played with source "{mocap.source}"')
     yield from _camera_system(config, keys)
     yield from _axes(config, keys)
-    if mocap.source == "mavlink" and config.leader.sysid is None:
-        why = 'with source "mavlink" drones say themselves where they are: a leader that is none is never seen'
-        yield keys.reject("leader.sysid", POSES, why)
-    elif mocap.source != "mavlink":
-        for i, follower in enumerate(config.followers):
-            if "spawn_lab_m" in follower.model_fields_set and any(follower.spawn_lab_m):
-                yield keys.warn(f"followers[{i}].spawn_lab_m", UNUSED, f'the mocap says, with source "{mocap.source}"')
 
 
 def _camera_system(config: LabConfig, keys: Keys) -> Iterator[Finding]:

@@ -79,8 +79,7 @@ class Recording:
 def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[[RawFrame], None]) -> Source:
     """The source that `[mocap] source` names; nothing is reached before it is run.
 
-    deliver: of frames that are raw frames already. Raises MocapFileError for a file that cannot be used,
-    ValueError for `mavlink`, which no mocap process serves.
+    deliver: of frames that are raw frames already. Raises MocapFileError for a file that cannot be used.
     """
     lab = tuple(v.body for v in config.vehicles)
     latency_ns = round(1e9 * config.mocap.constant_latency_s)
@@ -113,5 +112,3 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[
             from mocap.sources.ros2 import Ros2Source
 
             return Ros2Source(config, feed)
-        case "mavlink":
-            raise ValueError("the ground hears poses from the drones themselves")

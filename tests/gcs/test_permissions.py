@@ -116,13 +116,12 @@ def test_vital_parameters_that_stay_silent_are_reported_as_unread():
     )
 
 
-def test_a_velocity_taken_from_gps_is_reported_where_the_pose_is_ours():
+def test_a_velocity_taken_from_gps_is_reported():
     """ArduCopter 4.7 refuses to arm so: "EK3 sources require GPS"."""
     link = a_link()
     Drone().say(link, beat(MavAutopilot.ARDUPILOT))
     tell(link, {**COPTER_PARAMETERS, "EK3_SRC1_VELXY": 3.0}, MavAutopilot.ARDUPILOT)
-    assert [name for name, _ in parameter_warnings(link, feeds_pose=True)] == ["EK3_SRC1_VELXY"]
-    assert parameter_warnings(link, feeds_pose=False) == ()
+    assert [name for name, _ in parameter_warnings(link)] == ["EK3_SRC1_VELXY"]
 
 
 def test_an_autopilot_of_another_kind_is_rejected():
@@ -131,11 +130,9 @@ def test_an_autopilot_of_another_kind_is_rejected():
     assert autopilot_reasons(link) == ("left: autopilot GENERIC is neither PX4 nor ArduPilot",)
 
 
-def test_lesser_parameters_only_warn_and_external_pose_ones_only_where_the_pose_is_ours():
+def test_lesser_parameters_only_warn():
     link = a_link()
     Drone().say(link, beat())
     tell(link, {**PX4_PARAMETERS, "EKF2_EV_CTRL": 0, "COM_OBL_RC_ACT": 0, "MPC_THR_HOVER": 0.3}, MavAutopilot.PX4)
     assert autopilot_reasons(link) == ()
-    ours, not_ours = parameter_warnings(link, feeds_pose=True), parameter_warnings(link, feeds_pose=False)
-    assert [name for name, _ in ours] == ["COM_OBL_RC_ACT", "EKF2_EV_CTRL", "MPC_THR_HOVER"]
-    assert [name for name, _ in not_ours] == ["COM_OBL_RC_ACT", "MPC_THR_HOVER"]
+    assert [name for name, _ in parameter_warnings(link)] == ["COM_OBL_RC_ACT", "EKF2_EV_CTRL", "MPC_THR_HOVER"]

@@ -3,9 +3,11 @@
 import asyncio
 import gc
 import os
+from itertools import count
 from pathlib import Path
 from typing import cast
 
+import numpy as np
 import pytest
 
 from drone_agent.config import SimulatedDroneConfig
@@ -14,8 +16,10 @@ from drone_agent.daemon import _Pump
 from drone_agent.process import open_ground_link
 from formation import topics
 from formation.config import LabConfig
-from formation.messages import Datagram, Event, OperatorRequest, Phase, Verb
+from formation.maths.frames import IDENTITY
+from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase, Verb
 from gcs.daemon import run
+from mocap.service import configuration_name
 from tests.free_ports import free_port
 from wire.clock import REAL_TIME
 from wire.config_file import dump
@@ -27,6 +31,7 @@ from wire.mavlink.framing import FrameCutter
 from wire.rejections import RejectionLog
 from wire.security.protection import LOOPBACK_ONLY
 from wire.transport.link import Link, LinkCounters
+from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
 pytestmark = pytest.mark.processes
@@ -69,17 +74,27 @@ def _lab(kind: str) -> LabConfig:
     return LabConfig.model_validate(
         {
             "name": f"stop-{os.getpid()}-{kind}",
-            "mocap": {"source": "mavlink", "rate_hz": 2.0},
+            "mocap": {"rate_hz": 2.0},
             "leader": {"body": "lead"},
             "followers": [{"body": "left", "sysid": SYSID, "offset_m": (0, 1, 0)}],
             "link": {
                 "kind": kind,
-                "zenoh_listen": (f"tcp/127.0.0.1:{port}",),
+                "zenoh_connect": (f"tcp/127.0.0.1:{port}",),
                 "ground_port_base": free_port() - SYSID,
                 "drone_port_base": free_port() - SYSID,
             },
         }
     )
+
+
+async def _frames(config: LabConfig, bus: MocapBus) -> None:
+    """The mocap process: the leader and the drone, standing."""
+    bus.announce(configuration_name(config))
+    for seq in count():
+        pos_lab_m, q = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.tile(IDENTITY, (2, 1))
+        now_ns = REAL_TIME.monotonic_ns()
+        bus.publish_frame(LabFrame(seq, now_ns, ("lead", "left"), pos_lab_m, q, np.ones(2, np.bool_)))
+        await asyncio.sleep(1.0 / config.mocap.rate_hz)
 
 
 async def _library() -> None:
@@ -111,10 +126,11 @@ def test_a_stop_is_repeated_until_the_drone_says_so_whatever_else_fails(kind: st
 async def _stopped(config: LabConfig, folder: Path) -> None:
     lab_file, log, events = folder / "lab.toml", folder / "flight.mcap", []
     lab_file.write_text(dump(config))
+    bus = await ZenohBus.open(config.link.listening, config.name)
+    frames = asyncio.create_task(_frames(config, MocapBus(bus)))
     ground = asyncio.create_task(run(config, lab_file, log, "main", {}, events.append))
-    bus = await ZenohBus.open(config.link.joined, config.name)
     flight = _Flight(bus)
-    drone = SimulatedDroneConfig(sysid=SYSID, lab=config.name, link=config.link.joined, guard=False)
+    drone = SimulatedDroneConfig(sysid=SYSID, lab=config.name, link=config.link, guard=False)
     pump = _Pump(drone, AgentCore(drone, REAL_TIME.monotonic_ns()), lambda _: None, REAL_TIME, RejectionLog())
 
     def receive(datagram: Datagram) -> None:
@@ -144,6 +160,7 @@ async def _stopped(config: LabConfig, folder: Path) -> None:
         assert flight.state.phase is Phase.STOPPED
         assert not ground.done()
     finally:
+        frames.cancel()
         pump.timer.stop()
         link.close()
         await bus.close()

@@ -48,6 +48,7 @@ link = "udp:192.168.1.33:14550"
 guard = "none"
 profile = "px4_quad"
 offset_m = [-0.6, 0.6, 0.0]
+spawn_lab_m = [-0.5, 0.7, 0.0]
 
 [limits]
 min_separation_m = 0.45
@@ -81,9 +82,8 @@ def test_all_of_the_file_is_flown_but_what_is_real(lab: Path) -> None:
     assert flown.mocap.q_lab_from_mocap == own.mocap.q_lab_from_mocap
     cameras = opened.scenario.mocap
     assert (cameras.rate_hz, cameras.delay_s) == (200.0, 0.005)
-    start = opened.scenario.true_vehicle(1).start
-    assert start is not None
-    assert start.pos_lab_m == (0.3, 0.2, 0.0)
+    starts = [opened.scenario.true_vehicle(sysid).start for sysid in (1, 3)]
+    assert [start and start.pos_lab_m for start in starts] == [(0.3, 0.2, 0.0), (-0.5, 0.7, 0.0)]
 
 
 def test_a_scenario_is_a_lab_file_and_a_few_lines(lab: Path) -> None:

@@ -144,7 +144,7 @@ MESSAGES: dict[type, st.SearchStrategy[Any]] = {
     ParamRequestList: st.builds(ParamRequestList, ADDRESS),
     AutopilotVersion: st.builds(AutopilotVersion, U64, U32, U64),
     AttitudeTargetReport: st.builds(AttitudeTargetReport, U32, Q, VECTOR, FLOATS, st.just(Ignore.NONE)),
-    SimTruth: st.builds(SimTruth, U64, Q, SPEEDS, DEGREES, DEGREES, MILLIMETRES, st.just(0.01)),
+    SimTruth: st.builds(SimTruth, U64, Q, SPEEDS, DEGREES, DEGREES, MILLIMETRES),
     NamedValue: st.builds(NamedValue, U32, text(10), FLOATS),
     PositionSetpoint: st.builds(
         PositionSetpoint,

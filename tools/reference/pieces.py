@@ -542,7 +542,7 @@ def autopilot(name: str) -> str:
     rule_rows = (
         (
             f"`{r.name}`", r.wanted, f"{r.set_to:g}",
-            "refuses to arm" if r.vital else "warns, where it sends the pose" if r.external_pose else "warns",
+            "refuses to arm" if r.vital else "warns",
             r.why,
         )
         for r in ground.rules

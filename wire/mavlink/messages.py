@@ -208,7 +208,6 @@ SET_ATTITUDE_TARGET = layout("SET_ATTITUDE_TARGET", 12)
 ATTITUDE_TARGET = layout("ATTITUDE_TARGET", 10)
 ODOMETRY = layout("ODOMETRY", 61)
 HIGHRES_IMU = layout("HIGHRES_IMU", 15)  # without the number of the sensor: autopilots send the one they fly by
-SIM_STATE = layout("SIM_STATE", 23)
 BATTERY_STATUS = layout("BATTERY_STATUS", 26)
 EKF_STATUS_REPORT, ESTIMATOR_STATUS = layout("EKF_STATUS_REPORT", 7), layout("ESTIMATOR_STATUS", 10)
 
@@ -287,13 +286,6 @@ def _read_inertial(f: Fields) -> m.InertialSample | m.UnknownMessage:
     return m.InertialSample(f[0], lab_finite(*f[1:4]), lab(*rate))
 
 
-def _read_sim_state(f: Fields) -> m.SimTruth:
-    """SIM_STATE carries no time; its integer degrees, where filled, are finer than its floats."""
-    lat_e7, lon_e7 = f[21:23]
-    lat, lon = (lat_e7 * 1e-7, lon_e7 * 1e-7) if lat_e7 or lon_e7 else f[13:15]
-    return m.SimTruth(0, q_lab_from_flu(*f[:4]), lab(*f[18:21]), lat, lon, f[15], 0.0)
-
-
 def _write_battery(b: m.Battery) -> Written:
     cells = [_count(v, 1e3, _NO_CELL) for v in b.cell_v]
     first = (*cells[:10], *(_NO_CELL,) * (10 - len(cells)))
@@ -336,7 +328,6 @@ TABLE = (
     row("PARAM_VALUE", m.ParamValue, name=Part(1, _param_name, lambda name: _characters(name, 16)), raw=AS_IS,
         type=enumeration(m.ParamType), count=AS_IS, index=AS_IS),
     row("PARAM_SET", m.ParamSet, target=ADDRESS, name=text(16), raw=AS_IS, type=enumeration(m.ParamType)),
-    Row(SIM_STATE, m.SimTruth, _read_sim_state, None),
     row("ATTITUDE", m.Attitude, t_boot_ms=MS, q_lab_from_flu=EULER, rate_flu_rad_s=VECTOR),
     row("ATTITUDE_QUATERNION", m.AttitudeQuaternion, t_boot_ms=MS, q_lab_from_flu=QUATERNION, rate_flu_rad_s=VECTOR,
         _repr_offset=zeros(4)),

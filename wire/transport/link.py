@@ -76,8 +76,6 @@ SUPERSEDED = frozenset(
         MessageId.VFR_HUD,
         MessageId.ATTITUDE_TARGET,
         MessageId.POSITION_TARGET_LOCAL_NED,
-        MessageId.SIM_STATE,
-        MessageId.HIL_STATE_QUATERNION,
         MessageId.DISTANCE_SENSOR,
         MessageId.ALTITUDE,
         MessageId.ODOMETRY,

@@ -66,14 +66,3 @@ def test_an_estimate_that_is_a_second_old_confirms_no_cut():
     estimate = lab.core._links[3].own_estimate
     assert np.isnan(estimate.pos_lab_m(lab.now_ns)).all()
     assert np.isnan(estimate.tilt_rad(lab.now_ns))
-
-
-def test_poses_and_estimate_that_come_by_one_link_are_one_witness():
-    """Where autopilots are their own mocap, both would be wrong together: the drone is released, never cut."""
-    lab = flying(mocap={"source": "mavlink"})
-    lab.drones[3].pos = np.array([3.2, -1.0, 0.3])
-    lab.run(0.6)
-    assert ("rule-far-outside", "right") in lab.reported
-    assert lab.phase is Phase.LAND
-    assert commands(lab.drones[3], 21)
-    assert not any(c.params[:2] == (0.0, 21196.0) for c in commands(lab.drones[3], 400))

@@ -22,8 +22,8 @@ GOOD = DroneReport(
 )  # fmt: skip
 
 
-def _check(feeds_pose: bool = True, **changes) -> dict[str, Finding]:
-    return {f.check: f for f in check_drone(replace(GOOD, **changes), feeds_pose) if f.grade is not Grade.PASS}
+def _check(**changes) -> dict[str, Finding]:
+    return {f.check: f for f in check_drone(replace(GOOD, **changes)) if f.grade is not Grade.PASS}
 
 
 def _parameters(**values) -> dict[str, float]:
@@ -31,14 +31,14 @@ def _parameters(**values) -> dict[str, float]:
 
 
 def test_a_good_drone_passes_and_a_silent_one_fails_and_passes_nothing():
-    good = check_drone(GOOD, feeds_pose=True)
+    good = check_drone(GOOD)
     assert {f.grade for f in good} == {Grade.PASS}
     assert next(f for f in good if f.check == "autopilot").found == "PX4 1.16.1"
     nothing = {
         "model": None, "packets": 0, "parameters": {}, "unhealthy": None, "round_trip_s": math.nan,
         "clock_offset_s": None, "battery": math.nan,
     }  # fmt: skip
-    findings = check_drone(replace(GOOD, **nothing), feeds_pose=True)
+    findings = check_drone(replace(GOOD, **nothing))
     assert {f.check: f.grade for f in findings} == {"sysid is its own": Grade.FAIL, "heartbeat": Grade.FAIL}
     assert findings[0].found == "not measured"
 
@@ -47,7 +47,7 @@ def test_what_was_not_measured_does_not_pass():
     """Twenty packets tell neither of a twin nor of losses of a per cent; no battery message is no full battery."""
     findings = check_drone(
         replace(GOOD, packets=20, parameters={}, unhealthy=None, round_trip_s=math.nan, clock_offset_s=None,
-                battery=math.nan, version=""), feeds_pose=True
+                battery=math.nan, version="")
     )  # fmt: skip
     assert [f.check for f in findings if f.grade is Grade.PASS] == ["autopilot"]
     bad = {f.check: f.found for f in findings if f.found == "not measured"}
@@ -117,7 +117,6 @@ def test_parameters_are_judged_with_found_wanted_why_and_fix():
     assert finding.wanted == "0.1 to 0.2 s"
     assert finding.why
     assert finding.fix == Fix(3, "COM_OF_LOSS_T", pytest.approx(0.2))
-    assert _check(feeds_pose=False, parameters=_parameters(EKF2_EV_CTRL=0.0)) == {}
 
 
 def test_link_clock_health_battery_and_sysid():

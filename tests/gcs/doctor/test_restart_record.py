@@ -81,6 +81,6 @@ def test_the_doctor_reads_back_after_the_restart_what_it_wrote(
 
 def test_the_doctor_asks_for_a_restart_until_it_has_seen_one() -> None:
     waiting = replace(GOOD, awaiting_restart=(("EKF2_HGT_REF", "counts from a restart"),))
-    failed = [f for f in check_drone(waiting, feeds_pose=True) if f.grade is Grade.FAIL]
+    failed = [f for f in check_drone(waiting) if f.grade is Grade.FAIL]
     assert [(f.check, f.found) for f in failed] == [("restart for EKF2_HGT_REF", "not measured")]
     assert PX4_PARAMETERS["EKF2_HGT_REF"] == 3  # as wanted, says the drone

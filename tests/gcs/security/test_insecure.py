@@ -29,7 +29,6 @@ def exposed_lab(folder: Path, port: int) -> Path:
         "leader": {"body": "lead", "sysid": 1},
         "followers": [{"body": "left", "sysid": 2, "offset_m": [-0.5, 0.5, 0.0], "spawn_lab_m": [-0.5, 0.5, 0.0]}],
         "link": {"zenoh_listen": [f"tcp/0.0.0.0:{port}"], "zenoh_connect": []},
-        "mocap": {"source": "mavlink"},
     }
     path.write_text(tomli_w.dumps(values))
     return path
@@ -56,7 +55,7 @@ def run(*words: str) -> "subprocess.CompletedProcess[str]":
 def test_no_program_opens_a_link_of_another_machine(words: tuple[str, ...], tmp_path: Path) -> None:
     lab = exposed_lab(tmp_path, free_port())
     far = tmp_path / "far.toml"
-    far.write_text(lab.read_text().replace("0.0.0.0", "192.0.2.77").replace('"mavlink"', '"zenoh"'))
+    far.write_text(lab.read_text().replace("0.0.0.0", "192.0.2.77"))
     drone = tmp_path / "drone.toml"
     drone.write_text('link = { host = "192.0.2.77", zenoh_connect = ["tcp/192.0.2.77:7447"] }')
     files = {"LAB": str(lab), "FAR": str(far), "DRONE": str(drone)}

@@ -30,7 +30,6 @@ from wire.link_messages import (
     ParamValue,
     SetMode,
     SetOrigin,
-    SimTruth,
     SysStatus,
     TimeSync,
     UnknownMessage,
@@ -256,16 +255,6 @@ def test_unknown_odometry_velocity_stays_nan():
     read = decoded(message)
     assert np.isnan(read.vel_flu_m_s).all()
     assert np.isnan(read.rate_flu_rad_s).all()
-
-
-def test_sim_state_reads_as_truth():
-    mav = oracle.MAVLink(None, srcSystem=7, srcComponent=1)
-    values = (1, *[0] * 12, 47.5, 8.5, 488.0, 0, 0, 1.0, 2.0, 3.0)
-    message = mav.sim_state_encode(*values, lat_int=473977420, lon_int=85455940)
-    truth = decode_packet(message.pack(mav)).message
-    assert isinstance(truth, SimTruth)
-    assert (truth.lat_deg, truth.lon_deg, truth.alt_m) == pytest.approx((47.397742, 8.545594, 488.0), abs=1e-12)
-    np.testing.assert_array_equal(truth.vel_lab_m_s, [1.0, -2.0, -3.0])
 
 
 @pytest.mark.parametrize(("tc1_ns", "taken"), [(5, 1), (0, 0)])

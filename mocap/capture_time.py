@@ -1,4 +1,4 @@
-"""When a frame was exposed, on our clock, from the stamps of another: of one way, or of both. Pure.
+"""When a frame was exposed, on our clock, from the stamps of another clock: of one way, or of both. Pure.
 
 What arrives is late by an unknown, changing delay and never early, so the truth lies along the lower edge of
 `arrival - stamp`. That edge's offset and slope (two clocks part by tens of parts in a million) are those of the line
@@ -10,13 +10,11 @@ from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from statistics import median
 
 BUCKET_NS = 250_000_000
 WINDOW = 120
 """The least of each bucket is kept; so many buckets are remembered."""
-SLOPE_NS = 6_000_000_000
-"""The slope is believed when the points span so much."""
-STEEPEST = 1e-3
 STEP_NS = 2_000_000
 """A point farther below the line shows that a clock was set, or that the path became shorter."""
 ABOVE_NS, ABOVE_SCATTERS = 3_000_000_000, 3
@@ -27,19 +25,26 @@ Point = tuple[int, int]
 
 @dataclass(slots=True)
 class LowerEdge:
-    """The least of a delay-laden difference of two clocks, as a line in time: it may drift, and be stepped."""
+    """The least of a delay-laden difference of two clocks, as a line in time: it may drift, and be stepped.
 
+    steepest: largest drift, s/s. slope_ns: the slope is believed when the points span so much. unsure_ns: how far a
+    point may be below the line until then, STEP_NS afterwards.
+    """
+
+    steepest: float = 1e-3
+    slope_ns: int = 6_000_000_000
+    unsure_ns: int = STEP_NS
     _points: deque[Point] = field(default_factory=lambda: deque(maxlen=WINDOW))
     _line: tuple[int, int, float] | None = None
     _touched_ns: int = 0
     _above: Point | None = None
     scatter_ns: int = 0
-    """Mean height of the buckets' least values above the edge: the edge's uncertainty."""
+    """Median height of the buckets' least values above the edge: the edge's uncertainty."""
 
     def offer(self, now_ns: int, value_ns: int) -> None:
         """A difference as of now: the truth plus a delay."""
         line_ns = self.at_ns(now_ns)
-        if line_ns is None or value_ns < line_ns - STEP_NS:
+        if line_ns is None or value_ns < line_ns - (STEP_NS if self._is_sure else self.unsure_ns):
             self._restart(now_ns, value_ns)
         elif value_ns - line_ns <= max(STEP_NS, ABOVE_SCATTERS * self.scatter_ns):
             self._touched_ns, self._above = now_ns, None
@@ -57,9 +62,13 @@ class LowerEdge:
         return value_ns + round((now_ns - t_ns) * slope)
 
     def restart(self) -> None:
-        """Reset all but the clock drift: for a new connection, or after a clock was set."""
+        """Start over: for a new connection, or after a clock was set."""
         self._points.clear()
         self._line = None
+
+    @property
+    def _is_sure(self) -> bool:
+        return self._points[-1][0] - self._points[0][0] >= self.slope_ns
 
     def _restart(self, now_ns: int, value_ns: int) -> None:
         slope = self._line[2] if self._line is not None else 0.0
@@ -69,6 +78,8 @@ class LowerEdge:
         self._above = None
 
     def _add(self, point: Point) -> None:
+        while self._points and self._points[-1][0] // BUCKET_NS > point[0] // BUCKET_NS:
+            self._points.pop()  # frames that were counted as lost have come: a count goes back
         last = self._points[-1] if self._points else None
         if last is None or point[0] // BUCKET_NS != last[0] // BUCKET_NS:
             self._points.append(point)
@@ -82,14 +93,13 @@ class LowerEdge:
         """The edge of the hull over the middle of the points; with few of them, the slope is the one known."""
         slope = self._line[2] if self._line is not None else 0.0
         points = self._points
-        if points[-1][0] - points[0][0] >= SLOPE_NS:
-            a, b = edge_over(lower_hull(points), (points[0][0] + points[-1][0]) // 2)
-            slope = min(max((b[1] - a[1]) / (b[0] - a[0]), -STEEPEST), STEEPEST)
+        if self._is_sure:
+            a, b = _edge_over(_lower_hull(points), (points[0][0] + points[-1][0]) // 2)
+            slope = min(max((b[1] - a[1]) / (b[0] - a[0]), -self.steepest), self.steepest)
         t0, _ = points[0]
         lowest = min(points, key=lambda p: p[1] - slope * (p[0] - t0))
         self._line = lowest[0], lowest[1], slope
-        above = [value - lowest[1] - (t - lowest[0]) * slope for t, value in points]
-        self.scatter_ns = round(sum(above) / len(above))
+        self.scatter_ns = round(median(value - lowest[1] - (t - lowest[0]) * slope for t, value in points))
 
 
 @dataclass(slots=True)
@@ -137,7 +147,7 @@ class CaptureTime:
         return None if self._down.at_ns(now_ns) is None else self._down.scatter_ns
 
 
-def lower_hull(points: Iterable[Point]) -> list[Point]:
+def _lower_hull(points: Iterable[Point]) -> list[Point]:
     """The points of rising abscissa on the lower convex hull."""
     hull: list[Point] = []
     for p in points:
@@ -151,7 +161,7 @@ def _turns_down(a: Point, b: Point, c: Point) -> bool:
     return (b[1] - a[1]) * (c[0] - b[0]) >= (c[1] - b[1]) * (b[0] - a[0])
 
 
-def edge_over(hull: list[Point], t_ns: int) -> tuple[Point, Point]:
+def _edge_over(hull: list[Point], t_ns: int) -> tuple[Point, Point]:
     """The hull's edge over the abscissa `t_ns`."""
     for a, b in pairwise(hull):
         if b[0] >= t_ns:

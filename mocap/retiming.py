@@ -1,26 +1,23 @@
 """When frames were exposed whose stamps are only the times at which they arrived. Pure.
 
-Cameras expose evenly. A frame arrives late by a changing delay and never early, so exposures lie on the line under all
-points (number, arrival) of the last seconds that is nearest to them. Frames that were held back lie above it.
+Cameras expose evenly, so a frame's number is a clock of theirs: an arrival less the number's time is the truth plus a
+delay, of which `LowerEdge` follows the least. Frames that were held back lie above it.
 Where numbers never skip, a gap shows what was lost: frames that lag by periods and do not catch up follow lost ones.
 """
 
 from collections import deque
 from dataclasses import dataclass, field
-from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mocap.capture_time import ABOVE_SCATTERS, STEP_NS, Point, edge_over, lower_hull
+from mocap.capture_time import LowerEdge
 from mocap.figures import CAUGHT_UP, GAP, is_stamped_on_arrival
 
 WINDOW, JUDGED = 200, 20
 """Stamps are judged by so many frames, every so many; from the same the first period is learnt."""
-BUCKET, BUCKETS, ABOVE = 16, 64, 20
-"""The least late of so many frames is kept, and so many of those; ABOVE of them over the line start it over."""
-SLOPE_FRAMES, SLOPE_SHARE = 100, 0.05
-"""Over so many frames the line's own slope counts, within this share of the first period."""
+SLOPE_NS, SLOPE_SHARE = 1_000_000_000, 0.05
+"""Over so long the frames' own spacing counts, within this share of the first period."""
 LAGGING, LAG_SHARE = 3, 0.9
 """So many frames after a gap that lag by this share of a period and do not catch up show that frames were lost."""
 LONGEST_GAP, LATE = 1000, 16
@@ -62,42 +59,45 @@ class FrameOrder:
 class ExposureLine:
     """Exposures of evenly spaced frames from the arrivals of numbered ones.
 
-    period_ns: between frames, nearly. numbers_skip: whether lost frames show in the numbers; else `lost` counts
-    them. scatter_ns: median height of the least late frames above the line: its uncertainty.
+    period_ns: between frames, nearly. numbers_skip: whether lost frames show in the numbers; else `lost` counts them.
     """
 
     period_ns: float
     numbers_skip: bool = False
-    scatter_ns: int = 0
     lost: int = 0
     _number: int = 0
     _arrived_ns: int = 0
     _has_gap: bool = False
     """Whether there was a gap since the last frame that was on the line."""
     _lags_ns: deque[float] = field(default_factory=lambda: deque(maxlen=LAGGING))
-    _points: deque[Point] = field(default_factory=lambda: deque(maxlen=BUCKETS))
-    _at: Point = (0, 0)
-    _slope_ns: float = 0.0
+    _edge: LowerEdge = field(
+        default_factory=lambda: LowerEdge(SLOPE_SHARE, SLOPE_NS, unsure_ns=round(SLOPE_SHARE * SLOPE_NS))
+    )
+
+    @property
+    def scatter_ns(self) -> int:
+        """Median height of the least late frames above the line: its uncertainty."""
+        return self._edge.scatter_ns
 
     def exposed_ns(self, steps: int, arrived_ns: int) -> int:
         """The exposure of the frame `steps` numbers after the last one; never later than its arrival."""
         spacing_ns = arrived_ns - self._arrived_ns
         self._number, self._arrived_ns = self._number + steps, arrived_ns
         self.numbers_skip = self.numbers_skip or steps > 1
-        if self._points and not self.numbers_skip:
-            self._count_lost(arrived_ns - self._line_ns(), spacing_ns)
-        if self._points and arrived_ns - self._line_ns() < -self._tolerance_ns():
-            self._points.clear()
-        self._add((self._number, arrived_ns))
-        return min(round(self._line_ns()), arrived_ns)
+        line_ns = self._line_ns()
+        if line_ns is not None and not self.numbers_skip:
+            self._count_lost(arrived_ns - line_ns, spacing_ns)
+        theirs_ns = self._theirs_ns()
+        self._edge.offer(theirs_ns, arrived_ns - theirs_ns)
+        return min(self._line_ns() or arrived_ns, arrived_ns)
 
-    def _line_ns(self) -> float:
-        return self._at[1] + (self._number - self._at[0]) * self._slope_ns
+    def _theirs_ns(self) -> int:
+        return round(self._number * self.period_ns)
 
-    def _tolerance_ns(self) -> float:
-        """How far a frame may be below the line, which is sure of its slope only after SLOPE_FRAMES."""
-        is_sure = self._points[-1][0] - self._points[0][0] >= SLOPE_FRAMES
-        return STEP_NS if is_sure else SLOPE_SHARE * SLOPE_FRAMES * self.period_ns
+    def _line_ns(self) -> int | None:
+        theirs_ns = self._theirs_ns()
+        offset_ns = self._edge.at_ns(theirs_ns)
+        return None if offset_ns is None else theirs_ns + offset_ns
 
     def _count_lost(self, late_ns: float, spacing_ns: int) -> None:
         """Count the frames that were lost without a gap in the numbers; count them back if they were merely late."""
@@ -115,32 +115,6 @@ class ExposureLine:
             more = -min(round(-late_ns / self.period_ns), self.lost)
         self.lost += more
         self._number += more
-
-    def _add(self, point: Point) -> None:
-        """Keep the point, if it is the first of its bucket or the least late one."""
-        points = self._points
-        if not points or point[0] // BUCKET != points[-1][0] // BUCKET:
-            points.append(point)
-        elif point[1] - points[-1][1] < (point[0] - points[-1][0]) * self.period_ns:
-            points[-1] = point
-        else:
-            return
-        self._fit()
-
-    def _fit(self) -> None:
-        """The edge of the hull over the middle of the points; with few of them, the slope is the period."""
-        points, slope_ns = self._points, self._slope_ns or self.period_ns
-        first, last = points[0][0], points[-1][0]
-        if last - first >= SLOPE_FRAMES:
-            a, b = edge_over(lower_hull(points), (first + last) // 2)
-            least_ns, most_ns = (1.0 - SLOPE_SHARE) * self.period_ns, (1.0 + SLOPE_SHARE) * self.period_ns
-            slope_ns = min(max((b[1] - a[1]) / (b[0] - a[0]), least_ns), most_ns)
-        above = [arrived_ns - (number - first) * slope_ns for number, arrived_ns in points]
-        while len(above) > ABOVE and min(above[-ABOVE:]) - min(above) > STEP_NS + ABOVE_SCATTERS * self.scatter_ns:
-            points.popleft()
-            del above[0]
-        self._slope_ns, self._at = slope_ns, points[above.index(min(above))]
-        self.scatter_ns = round(median(above) - min(above))
 
 
 @dataclass(slots=True)

@@ -32,18 +32,7 @@ _RELATIVE_FRAMES = frozenset(
         MavFrame.GLOBAL_TERRAIN_ALT_INT,
     }
 )
-_LOCAL_FRAMES = frozenset(
-    {
-        MavFrame.LOCAL_NED,
-        MavFrame.LOCAL_ENU,
-        MavFrame.LOCAL_OFFSET_NED,
-        MavFrame.BODY_NED,
-        MavFrame.BODY_OFFSET_NED,
-        MavFrame.BODY_FRD,
-        MavFrame.LOCAL_FRD,
-        MavFrame.LOCAL_FLU,
-    }
-)
+_LOCAL_FRAMES = frozenset(MavFrame) - _RELATIVE_FRAMES - {MavFrame.GLOBAL, MavFrame.GLOBAL_INT, MavFrame.MISSION}
 
 
 @dataclass(frozen=True, slots=True)

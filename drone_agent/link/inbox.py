@@ -1,6 +1,6 @@
 """The agent's reaction to each MAVLink message that comes in, and its answers."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from drone_agent.config import SimulatedDroneConfig
@@ -22,7 +22,6 @@ from wire.link_messages import (
     LogEntry,
     LogRequestList,
     MavAutopilot,
-    MessageId,
     MissionCount,
     MissionRequestList,
     MocapPose,
@@ -39,34 +38,12 @@ from wire.link_messages import (
     TimeSync,
     VisionPose,
 )
+from wire.mavlink.messages import TABLE
 from wire.rejections import RejectionLog
 
 _POSE_AGE_MAX_NS = 500_000_000
 _POSE_DELAY_NS = 20_000_000  # of a pose whose stamp is on no clock we know
 _CLOCKS = 8
-
-# What `Inbox` acts on; what only ground stations care for is not even decoded.
-READS = frozenset(
-    {
-        MessageId.HEARTBEAT,
-        MessageId.PING,
-        MessageId.SET_MODE,
-        MessageId.PARAM_REQUEST_READ,
-        MessageId.PARAM_REQUEST_LIST,
-        MessageId.PARAM_SET,
-        MessageId.MISSION_REQUEST_LIST,
-        MessageId.SET_GPS_GLOBAL_ORIGIN,
-        MessageId.COMMAND_INT,
-        MessageId.COMMAND_LONG,
-        MessageId.SET_ATTITUDE_TARGET,
-        MessageId.SET_POSITION_TARGET_LOCAL_NED,
-        MessageId.VISION_POSITION_ESTIMATE,
-        MessageId.TIMESYNC,
-        MessageId.LOG_REQUEST_LIST,
-        MessageId.ATT_POS_MOCAP,
-        MessageId.ODOMETRY,
-    }
-)
 
 Send = Callable[[LinkMessage], None]
 
@@ -97,25 +74,6 @@ class Inbox:
         self._clocks: dict[Address, ClockOffset] = {}
         self.listing: int | None = None
         """The next parameter of a list that was asked for."""
-        self._readers: dict[type, Callable[[Address, Any, int], None]] = {
-            AttitudeSetpoint: self._setpoint,
-            PositionSetpoint: self._position,
-            VisionPose: self._pose,
-            MocapPose: self._pose,
-            Odometry: self._pose,
-            TimeSync: self._timesync,
-            Heartbeat: self._heartbeat,
-            CommandLong: self._command,
-            CommandInt: self._command,
-            SetMode: self._set_mode,
-            Ping: self._ping,
-            ParamRequestRead: self._param_read,
-            ParamRequestList: self._param_list,
-            ParamSet: self._param_set,
-            SetOrigin: self._set_origin,
-            MissionRequestList: self._mission_list,
-            LogRequestList: self._log_list,
-        }
 
     def due_events(self, now_ns: int) -> tuple[Event, ...]:
         """The due reports of what was not sent."""
@@ -123,9 +81,9 @@ class Inbox:
 
     def read(self, packet: Packet, now_ns: int) -> None:
         """Act on one packet; what concerns only ground stations is left alone."""
-        reader = self._readers.get(type(packet.message))
+        reader = _READERS.get(type(packet.message))
         if reader is not None:
-            reader(packet.source, packet.message, now_ns)
+            reader(self, packet.source, packet.message, now_ns)
 
     def _setpoint(self, _source: Address, message: AttitudeSetpoint, now_ns: int) -> None:
         self._guidance.attitude(now_ns, message)
@@ -217,3 +175,26 @@ class Inbox:
 
     def _unknown_parameter(self, name: str) -> None:
         self._pilot.report(Severity.INFO, self._pilot.model.texts.unknown_parameter, name)
+
+
+_READERS: Mapping[type, Callable[[Inbox, Address, Any, int], None]] = {
+    AttitudeSetpoint: Inbox._setpoint,
+    PositionSetpoint: Inbox._position,
+    VisionPose: Inbox._pose,
+    MocapPose: Inbox._pose,
+    Odometry: Inbox._pose,
+    TimeSync: Inbox._timesync,
+    Heartbeat: Inbox._heartbeat,
+    CommandLong: Inbox._command,
+    CommandInt: Inbox._command,
+    SetMode: Inbox._set_mode,
+    Ping: Inbox._ping,
+    ParamRequestRead: Inbox._param_read,
+    ParamRequestList: Inbox._param_list,
+    ParamSet: Inbox._param_set,
+    SetOrigin: Inbox._set_origin,
+    MissionRequestList: Inbox._mission_list,
+    LogRequestList: Inbox._log_list,
+}
+READS = frozenset(row.layout.id for row in TABLE if row.kind in _READERS)
+"""By their ids; what only ground stations care for is not even decoded."""

@@ -173,7 +173,7 @@ class AgentCore:
         due_ns = self._monitor_ns
         if self.autopilot.piloted:
             if self._control_ns < self._now_ns:
-                self._control_ns = self._rastered(self._now_ns)
+                self._control_ns = self._now_ns + (self._t0_ns - self._now_ns) % CONTROL_NS
             due_ns = min(due_ns, self._control_ns)
         stream_ns = self._failsafes.stream_deadline_ns()
         return due_ns if stream_ns is None else min(due_ns, stream_ns)
@@ -203,9 +203,6 @@ class AgentCore:
         while (t_ns := max(self._schedule.next_ns, self._now_ns, now_ns - _BURST_NS)) < now_ns:
             self._run_to(t_ns)
             self._report(self._schedule.pop_due(t_ns), t_ns)
-
-    def _rastered(self, t_ns: int) -> int:
-        return t_ns + (self._t0_ns - t_ns) % CONTROL_NS
 
     def _use_pose(self, pose: ExternalPose, now_ns: int) -> None:
         if self.config.pose == "mocap":

@@ -88,7 +88,7 @@ async def run(configs: Sequence[SimulatedDroneConfig], report: EventSink, clock:
     pumps = [_Pump(config, core, report, clock, rejections) for config, core in zip(configs, cores, strict=True)]
     bus: ZenohBus | None = None
     try:
-        if any(_uses_bus(config) for config in configs):
+        if any(c.link.kind == "zenoh" or c.is_guarded or c.truth_rate_hz > 0.0 for c in configs):
             bus = await ZenohBus.open(configs[0].link, configs[0].lab, rejections, protections[0])
 
             def receive_frame(frame: LabFrame) -> None:
@@ -115,10 +115,6 @@ async def run(configs: Sequence[SimulatedDroneConfig], report: EventSink, clock:
                 pump.link.close()
         if bus is not None:
             await bus.close()
-
-
-def _uses_bus(config: SimulatedDroneConfig) -> bool:
-    return config.link.kind == "zenoh" or config.is_guarded or config.truth_rate_hz > 0.0
 
 
 def _awaited(pumps: Sequence[_Pump], bus: ZenohBus) -> list[list[Precondition]]:

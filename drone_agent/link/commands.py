@@ -111,7 +111,7 @@ class Commander:
         height_m: float | None = order.height_m
         if self._pilot.model.takeoff_in_own_mode and not order.relative:
             # PX4's seventh parameter is above sea level; nothing, or a height below here, is the default height.
-            height_m = order.height_m - self._here_amsl_m()
+            height_m = order.height_m - to_globe(self._origin, self._pilot.belief.pos_lab_m)[2]
         if height_m is None or not isfinite(height_m) or height_m <= 0.0:
             height_m = None
         return self._pilot.take_off(now_ns, height_m)
@@ -153,9 +153,6 @@ class Commander:
     @property
     def _origin(self) -> Vec3Tuple:
         return self._pilot.origin or self._config.origin
-
-    def _here_amsl_m(self) -> float:
-        return to_globe(self._origin, self._pilot.belief.pos_lab_m)[2]
 
 
 def _int(value: float) -> int:

@@ -106,7 +106,8 @@ class LiveLog:
         channels = {
             record.id: ChannelDescription(record.topic, schemas[record.schema_id].name, schemas[record.schema_id].data)
             for record in records
-            if isinstance(record, Channel) and record.schema_id in schemas and self._is_wanted(record.topic)
+            if isinstance(record, Channel) and record.schema_id in schemas
+            if self._only is None or record.topic in self._only
         }
         if not channels:
             return False
@@ -118,9 +119,6 @@ class LiveLog:
         """(channel, date in ns since 1970, data) of each message of a chunk; none before the first head."""
         if self.channels:
             yield from self._read(lambda: _messages(chunk, self.channels))
-
-    def _is_wanted(self, topic: str) -> bool:
-        return self._only is None or topic in self._only
 
     def _read(self, read: Callable[[], Iterable[T]]) -> list[T]:
         """All that is read; nothing, and counted, where it cannot be."""

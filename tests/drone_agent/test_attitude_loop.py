@@ -17,7 +17,6 @@ from drone_agent.simulation.disturbance import (
 )
 from formation.maths import frames
 from formation.maths.arrays import Float
-from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PROFILES, VehicleProfile, VehicleState, at_rest, on_ground, profile
 
 CALM = np.zeros(3)
@@ -30,29 +29,6 @@ def level(norm: float) -> LoopSetpoint:
 
 def hovering(body: VehicleProfile, height_m: float = 1.0) -> VehicleState:
     return at_rest(np.array([0.0, 0.0, height_m]), frames.IDENTITY, 0.25 * body.weight_n)
-
-
-def test_unarmed_it_falls_as_a_free_body_should() -> None:
-    body = PAPER.model_copy(update={"drag_n_s_m": (0.0, 0.0, 0.0)})
-    start = at_rest(np.array([0.0, 0.0, 50.0]), frames.IDENTITY)
-    fallen = advance(start, body, level(1.0), False, CALM, 0.001, 1000)
-    assert fallen.vel_lab_m_s[2] == pytest.approx(-GRAVITY_M_S2, rel=1e-9)
-    assert fallen.pos_lab_m[2] == pytest.approx(50.0 - 0.5 * GRAVITY_M_S2, abs=0.006)
-
-
-def test_spin_without_torque_keeps_energy_and_angular_momentum() -> None:
-    body = PAPER.model_copy(update={"drag_n_s_m": (0.0, 0.0, 0.0), "inertia_kg_m2": (1e-4, 2e-4, 3e-4)})
-    inertia = np.array(body.inertia_kg_m2)
-    start = at_rest(np.array([0.0, 0.0, 90.0]), frames.IDENTITY)
-    start.rate_flu_rad_s[:] = [0.1, 6.0, 0.1]
-
-    def momentum_lab(state: VehicleState) -> Float:
-        return frames.rotate(state.q_lab_from_flu, inertia * state.rate_flu_rad_s)
-
-    end = advance(start, body, level(0.0), False, CALM, 0.0002, 10000)
-    np.testing.assert_allclose(momentum_lab(end), momentum_lab(start), atol=0.01 * np.linalg.norm(momentum_lab(start)))
-    energy = [float(inertia @ s.rate_flu_rad_s**2) for s in (start, end)]
-    assert energy[1] == pytest.approx(energy[0], rel=0.01)
 
 
 @pytest.mark.parametrize("name", sorted(PROFILES))
@@ -71,27 +47,6 @@ def test_takes_off_only_above_its_weight_and_lands_again() -> None:
     state = advance(state, PAPER, level(0.0), True, CALM, 0.001, 3000)
     assert on_ground(state)
     assert frames.rotate(state.q_lab_from_flu, np.array([0.0, 0.0, 1.0]))[2] > 0.999
-
-
-def test_floor_friction_stops_a_slide() -> None:
-    start = at_rest(np.array([0.0, 0.0, -0.001]), frames.IDENTITY)
-    start.vel_lab_m_s[0] = 0.5
-    end = advance(start, PAPER, level(0.0), False, CALM, 0.001, 1000)
-    assert np.linalg.norm(end.vel_lab_m_s) < 1e-6
-    # v^2 / (2 mu g), mu = 0.6
-    assert end.pos_lab_m[0] == pytest.approx(0.25 / (2 * 0.6 * GRAVITY_M_S2), rel=0.25)
-
-
-def test_tilt_accelerates_along_the_thrust() -> None:
-    tilt = 0.1
-    target = LoopSetpoint(frames.from_rotation_vector(np.array([0.0, tilt, 0.0])), np.zeros(3), PAPER.hover_thrust_norm)
-    body = PAPER.model_copy(update={"drag_n_s_m": (0.0, 0.0, 0.0), "ground_effect": 0.0})
-    first = advance(hovering(body), body, target, True, CALM, 0.001, 1000)
-    second = advance(first, body, target, True, CALM, 0.001, 1000)
-    acceleration = second.vel_lab_m_s - first.vel_lab_m_s
-    np.testing.assert_allclose(
-        acceleration, [GRAVITY_M_S2 * np.sin(tilt), 0.0, GRAVITY_M_S2 * (np.cos(tilt) - 1.0)], atol=2e-3
-    )
 
 
 def test_too_long_a_step_is_refused() -> None:

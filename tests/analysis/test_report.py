@@ -12,7 +12,6 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from analysis import report as report_page
 from analysis.check import check
 from analysis.cli import app
 from analysis.compare import _flown_with
@@ -28,8 +27,6 @@ from formation.messages import Datagram, Event, LabFrame, OperatorRequest, Phase
 from formation.topics import Topic
 from tests.analysis.synthetic_flight import METADATA, T0_NS, Recipe, Record, records, written
 from wire.link_messages import GROUND, Address, AttitudeSetpoint, Ignore, NamedValue
-from wire.logs import mcap_read
-from wire.logs.mcap_scan import Damage
 from wire.logs.mcap_write import LogWriter
 from wire.mavlink.codec import Codec
 
@@ -249,24 +246,6 @@ def test_a_truncated_log_is_reported_and_says_so(cut: Path, tmp_path: Path):
     assert "formation error" in done.output
     assert f"open it in a browser: file://{page}" in done.stderr
     assert "The log is damaged" in page.read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize("command", ["report", "check"])
-def test_a_log_is_read_once(command: str, cut: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Its damage was told in a second reading."""
-    scan, opened = mcap_read.scan, list[Path]()
-
-    def scanned(path: Path, damage: Damage):
-        opened.append(path)
-        return scan(path, damage)
-
-    monkeypatch.setattr(mcap_read, "scan", scanned)
-    monkeypatch.setattr(report_page, "html", lambda *_: "page")
-    out = ["--out", str(tmp_path / "r.html")] if command == "report" else []
-    done = CliRunner().invoke(app, [command, str(cut), *out, "--json"])
-    assert done.exit_code == 1
-    assert opened == [cut]
-    assert json.loads(done.stdout).get("report", False) == (out[1] if out else False)
 
 
 @pytest.mark.parametrize("command", ["report", "check", "picture", "audit", "identify", "compare", "export --csv"])

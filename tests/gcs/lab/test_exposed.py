@@ -1,20 +1,16 @@
-"""No lab file opens a link to another machine without keys: by `gcs check`, and by what binds and connects sockets."""
+"""No lab file opens a link to another machine without keys: by `gcs check`, and by what is asked before one opens."""
 
-import asyncio
 from itertools import count
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from formation.config import LabConfig, LinkConfig
+from formation.config import LabConfig
 from formation.exposure import is_local_endpoint
 from gcs.lab.judge import SECURITY, judge
-from wire.rejections import RejectionLog
 from wire.security.bus_access import BusAccess, ExposedError
 from wire.security.protection import LOOPBACK_ONLY, Protection
-from wire.transport.udp_bus import open_udp_direct, open_udp_drone, open_udp_ground
-from wire.transport.zenoh_session import open_session
 
 HERE = st.sampled_from(["127.0.0.1", "127.0.0.2", "localhost"])
 ELSEWHERE = st.one_of(
@@ -82,25 +78,6 @@ LAB = {
     "leader": {"body": "lead", "sysid": 1},
     "followers": [{"body": "left", "sysid": 2, "offset_m": [-0.5, 0.5, 0.0]}],
 }
-
-
-def test_what_opens_a_link_asks_first() -> None:
-    """The same demands, where sockets are opened: nothing was bound when the error comes."""
-    far = LinkConfig(kind="udp", host="192.0.2.9", zenoh_connect=("tcp/192.0.2.9:7447",))
-
-    async def udp() -> None:
-        for opening in (
-            open_udp_ground(far, [1], lambda _: None, RejectionLog()),
-            open_udp_drone(far, 1, lambda _: None, RejectionLog()),
-            open_udp_direct("udpin:0.0.0.0:15999", 1, lambda _: None, RejectionLog()),
-        ):
-            with pytest.raises(ExposedError, match=r"gcs keys new lab.toml"):
-                await opening
-
-    asyncio.run(udp())
-    for endpoints in (((), far.zenoh_connect), (("tcp/0.0.0.0:7447",), ())):
-        with pytest.raises(ExposedError, match=r"gcs keys new lab.toml"):
-            open_session(*endpoints, "lab")
 
 
 @pytest.mark.parametrize(

@@ -26,15 +26,8 @@ OUTPUT_TOPICS = (
 )  # fmt: skip
 
 STAGES = (topics.STATE, topics.REFERENCE, topics.COMMAND, topics.TARGET)
-THINNED = "thinned_ns"
-"""Metadata: how far apart outputs are recorded on the ground. A log without it holds them all."""
-
 _TOPIC_OF = {topic.type: topic for topic in INPUT_TOPICS}
 _TOPIC_OF[Datagram] = topics.LINK_UP
-
-
-CALM_NS = 100_000_000
-"""So far apart the control's own outputs are recorded while nobody is armed; in flight every one is."""
 
 
 class Thinning:
@@ -43,8 +36,9 @@ class Thinning:
     Decided by the outputs alone, so that replay, which makes them all anew, leaves out the same.
     """
 
-    def __init__(self) -> None:
-        self._calm = False
+    def __init__(self, calm_ns: int = 100_000_000) -> None:
+        """calm_ns: so far apart the control's own outputs are recorded while nobody is armed."""
+        self._calm, self._calm_ns = False, calm_ns
         self._next_ns = 0
         self.detailed = True
         """Whether the last tick was recorded whole."""
@@ -57,10 +51,12 @@ class Thinning:
         staged = any(topic is topics.STATE for topic, _ in outgoing.records)
         self.detailed = not self._calm or (staged and now_ns >= self._next_ns)
         if self.detailed:
-            self._next_ns = now_ns + CALM_NS
-        for topic, message in outputs(outgoing):
+            self._next_ns = now_ns + self._calm_ns
+        for topic, message in outgoing.records:
             if self.detailed or topic not in STAGES:
                 yield topic, message
+        yield from ((topics.LINK_DOWN, datagram) for datagram in outgoing.datagrams)
+        yield from ((topics.REPLY, reply) for reply in outgoing.replies)
 
 
 class Recorder:
@@ -86,15 +82,6 @@ class Recorder:
             self.record(topic, message, now_ns)
 
 
-def outputs(outgoing: Outgoing) -> Iterator[tuple[Topic, object]]:
-    """Everything a tick put out, in the order of the log."""
-    yield from outgoing.records
-    for datagram in outgoing.datagrams:
-        yield topics.LINK_DOWN, datagram
-    for reply in outgoing.replies:
-        yield topics.REPLY, reply
-
-
 def run_metadata(config: LabConfig, t0_ns: int, session: int = 0) -> dict[str, str]:
     """Metadata by which a log is replayed, and with which it was flown: gains and profiles as they were used.
 
@@ -108,7 +95,6 @@ def run_metadata(config: LabConfig, t0_ns: int, session: int = 0) -> dict[str, s
         "lab": config.model_dump_json(),
         "t0_ns": str(t0_ns),
         "ground_session": str(session),
-        THINNED: f"{CALM_NS}",
         "gains": json.dumps({name: asdict(preset) for name, preset in gains.items()}),
         "profiles": json.dumps({name: kind.model_dump(mode="json") for name, kind in profiles.items()}),
         "versions": version.text(),

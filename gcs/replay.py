@@ -18,7 +18,7 @@ from formation.config import LabConfig
 from formation.own_law.law import Answer, LawOverrunError
 from formation.topics import Topic
 from gcs.core import GcsCore
-from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, THINNED, Thinning, outputs
+from gcs.recording import INPUT_TOPICS, OUTPUT_TOPICS, Thinning
 from wire.logs.mcap_read import Log, Stored
 from wire.schema import schema_of
 
@@ -67,7 +67,7 @@ def replay(log: Log, progress: Callable[[str], None] = lambda _text: None) -> Re
     A log that was cut off may end in the middle of a tick's outputs: what is there must agree.
     """
     core, left_out = _core(log), log.left_out
-    thinning = Thinning() if THINNED in log.metadata else None
+    thinning = Thinning()
     inputs = ticks = agreed = 0
     expected: Iterator[Output] = iter(())
     t_ns = shown_ns = 0
@@ -85,8 +85,7 @@ def replay(log: Log, progress: Callable[[str], None] = lambda _text: None) -> Re
             if now_ns - shown_ns >= 1_000_000_000:
                 progress(f"{ticks} ticks replayed")
                 shown_ns = now_ns
-            outgoing = core.tick(now_ns)
-            made = outputs(outgoing) if thinning is None else thinning.recorded(outgoing, now_ns)
+            made = thinning.recorded(core.tick(now_ns), now_ns)
             ticks, expected = ticks + 1, _as_written(made, left_out)
         else:
             inputs += 1

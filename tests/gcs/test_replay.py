@@ -6,7 +6,7 @@ import pytest
 
 from formation import topics
 from formation.messages import Phase, Verb
-from gcs.recording import Recorder, outputs, run_metadata
+from gcs.recording import Recorder, run_metadata
 from gcs.replay import ReplayError, first_difference, replay
 from tests.gcs.fakes import T0_NS, FakeLab, triangle
 from wire.logs.mcap_read import Entry, Stored, read_log
@@ -105,17 +105,6 @@ def test_a_flight_replays_bit_by_bit_from_its_file(tmp_path: Path):
     assert result.identical, str(result.difference)
     assert result.ticks == len(lab.ticks)
     assert result.agreed > 4 * lab.seq
-
-
-def test_a_log_of_before_the_thinning_holds_every_output(monkeypatch):
-    monkeypatch.setattr("gcs.recording.Thinning.recorded", lambda _self, outgoing, _now_ns: outputs(outgoing))
-    entries: list[Entry] = []
-    _flown(lambda topic, message, t_ns: entries.append(Entry(topic, t_ns, message)))
-    metadata = run_metadata(CONFIG, T0_NS)
-    monkeypatch.undo()
-    assert not replay(MemoryLog(metadata, entries)).identical
-    del metadata["thinned_ns"]
-    assert replay(MemoryLog(metadata, entries)).identical
 
 
 def test_a_log_cut_off_in_the_middle_of_a_tick_replays_as_far_as_it_goes(log):

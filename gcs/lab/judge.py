@@ -27,6 +27,7 @@ from formation.guidance.shape import Shape, configured, separations, shape_for
 from formation.guidance.shape_request import ShapeRequest
 from formation.guidance.trajectory import anchored
 from formation.maths.arrays import Float
+from formation.maths.frames import multiply
 from formation.messages import FARTHEST_M
 from formation.mocap_config import CAMERA_SYSTEMS
 from formation.model import QuatTuple
@@ -405,12 +406,15 @@ def _axes(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     if farthest_m > ORIGIN_MOST_M:
         why = f"{farthest_m:g} m from the lab's origin: metres are meant, not millimetres"
         yield keys.reject("mocap.origin_lab_m", POSES, why, f"{ORIGIN_MOST_M:g} m at most")
+    q_lab_from_mocap = np.array(config.mocap.q_lab_from_mocap)
     rotations = [("mocap.q_lab_from_mocap", config.mocap.q_lab_from_mocap)]
     rotations += [(vehicle_key(i, "q_marker_from_flu"), v.q_marker_from_flu) for i, v in enumerate(config.vehicles)]
     for key, q in rotations:
         if q == (0.0, 0.0, 0.0, 1.0) and (key != "mocap.q_lab_from_mocap" or config.mocap.axes is None):
             yield keys.warn(key, POSES, "half a turn about z; no rotation is [1, 0, 0, 0], as w comes first")
-        elif key != "mocap.q_lab_from_mocap" and not (_is_level(q) or _is_level(_product(rotations[0][1], q))):
+        elif key != "mocap.q_lab_from_mocap" and not (
+            _is_level(q) or _is_level(multiply(q_lab_from_mocap, np.array(q)))
+        ):
             why = "a level drone's marker frame would lie on its side, or upside down; `gcs doctor` measures it"
             yield keys.warn(key, POSES, why)
     natnet = config.mocap.natnet
@@ -419,19 +423,9 @@ def _axes(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         yield keys.warn("mocap.natnet.interface", POSES, why)
 
 
-def _is_level(q: QuatTuple) -> bool:
+def _is_level(q: QuatTuple | Float) -> bool:
     """Whether a rotation leaves the axis up within 45 degrees of up."""
     return 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2]) > cos(0.25 * pi)
-
-
-def _product(a: QuatTuple, b: QuatTuple) -> QuatTuple:
-    w, x, y, z = a
-    return (
-        w * b[0] - x * b[1] - y * b[2] - z * b[3],
-        w * b[1] + x * b[0] + y * b[3] - z * b[2],
-        w * b[2] - x * b[3] + y * b[0] + z * b[1],
-        w * b[3] + x * b[2] - y * b[1] + z * b[0],
-    )
 
 
 def _links(config: LabConfig, keys: Keys) -> Iterator[Finding]:

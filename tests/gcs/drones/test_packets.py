@@ -26,7 +26,7 @@ def sent(packets: Packets, now: LabFrame) -> list[Packet]:
 
 def test_no_pose_is_sent_before_the_autopilot_is_known_nor_of_a_body_that_is_not_seen() -> None:
     link = a_link()
-    packets = Packets([Drone(1, link)], True, 0, T0_NS)
+    packets = Packets([Drone(1, link)], 0, T0_NS)
     for step, known, seen, expected in (
         (0, False, True, 0),
         (1, True, True, 1),
@@ -44,12 +44,11 @@ def test_no_pose_is_sent_before_the_autopilot_is_known_nor_of_a_body_that_is_not
             assert np.allclose(pose.q_lab_from_flu, IDENTITY)
 
 
-def test_poses_fifty_times_a_second_and_none_without_a_mocap_numbered_as_they_are_sent() -> None:
-    for feeds, expected in ((True, 50), (False, 0)):
-        link = a_link()
-        Peer().say(link, beat(), T0_NS)
-        packets = Packets([Drone(1, link)], feeds, 0, T0_NS)
-        found = [p for k in range(100) for p in sent(packets, frame(T0_NS + k * 10_000_000))]
-        assert sum(isinstance(p.message, VisionPose) for p in found) == expected
-        assert [p.seq for p in found] == [k % 256 for k in range(len(found))]
-        assert [type(p.message) for p in found[:2]] == [VisionPose, Heartbeat] or not feeds
+def test_poses_fifty_times_a_second_numbered_as_they_are_sent() -> None:
+    link = a_link()
+    Peer().say(link, beat(), T0_NS)
+    packets = Packets([Drone(1, link)], 0, T0_NS)
+    found = [p for k in range(100) for p in sent(packets, frame(T0_NS + k * 10_000_000))]
+    assert sum(isinstance(p.message, VisionPose) for p in found) == 50
+    assert [p.seq for p in found] == [k % 256 for k in range(len(found))]
+    assert [type(p.message) for p in found[:2]] == [VisionPose, Heartbeat]

@@ -71,7 +71,7 @@ def _timing(config: LabConfig, received: Sequence[Received], retimed_scatter_s: 
     why = "mocap.rate_hz sets the watchdog and the delay margin"
     yield graded(MOCAP, "rate", f"{found.rate_hz:.1f} Hz", f"{wanted_hz:g} Hz", close, why)
     fair, most = found.jitter_s <= JITTER_SHARE / wanted_hz, f"under {500.0 / wanted_hz:.1f} ms"
-    yield graded(MOCAP, "jitter", f"{found.jitter_s * 1e3:.2f} ms", most, fair, "uneven frames", fair=False)
+    yield graded(MOCAP, "jitter", f"{found.jitter_s * 1e3:.2f} ms", most, fair, "uneven frames")
     yield _stamps(found.arrival_stamps, retimed_scatter_s)
     yield _lost_frames(config.mocap.source, found.lost_share)
     yield _delay(config.mocap, found.delay_s)

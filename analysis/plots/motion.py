@@ -160,15 +160,9 @@ def positions(flight: Flight, tracking: Tracking) -> Drawing:
     fig, grid = style.Sheet(0.6 + 1.55 * len(chosen), rows, (1.0, 1.0, 1.0), gap_in=(0.34, 0.7)).axes()
     wanted = reference_lab_m(flight.reference)
     for row, k in zip(grid, chosen, strict=True):
-        vehicle = flight.followers[k]
-        for axis, ax in enumerate(row):
-            reference = None if vehicle.column is None else wanted[:, vehicle.column, axis]
-            _against_reference(ax, flight, k + 1, reference, axis)
-            style.time_axis(ax, 0.0, flight.duration_s, label=row is grid[-1])
-            ax.set_ylabel(f"{'xyz'[axis]}, m")
-        row[0].set_title(vehicle.body)
-        style.legend(row[2])
-    shade([ax for row in grid for ax in row], flight)
+        column = flight.followers[k].column
+        reference = None if column is None else wanted[:, column]
+        _against_reference(row, flight, k + 1, reference, label=row is grid[-1])
     return fig
 
 
@@ -243,25 +237,24 @@ def leader_positions(flight: Flight) -> Drawing:
     if column is None or not len(flight.poses) or not len(flight.reference):
         return Missing(NO_LEADER)
     fig, [row] = style.Sheet(2.15, (1.0,), (1.0, 1.0, 1.0)).axes()
-    wanted = reference_lab_m(flight.reference)[:, column]
-    for axis, ax in enumerate(row):
-        _against_reference(ax, flight, 0, wanted[:, axis], axis)
-        style.time_axis(ax, 0.0, flight.duration_s)
-        ax.set_ylabel(f"{'xyz'[axis]}, m")
-    row[0].set_title(flight.leader.body)
-    style.legend(row[2])
-    shade(row, flight)
+    _against_reference(row, flight, 0, reference_lab_m(flight.reference)[:, column], label=True)
     return fig
 
 
-def _against_reference(ax: Axes, flight: Flight, i: int, wanted_m: Float | None, axis: int) -> None:
-    """One coordinate of vehicle i as measured and, dashed over it, its reference (of every reference), if any."""
-    measured = style.broken(flight.poses.pos_lab_m[:, i, axis], flight.poses.seen[:, i])
+def _against_reference(row: list[Axes], flight: Flight, i: int, wanted_m: Float | None, *, label: bool) -> None:
+    """x, y and z of vehicle i as measured and, dashed over it, its reference (T, 3) of every reference, if any."""
     colour, name = style.colours(len(flight.vehicles))[i], flight.vehicles[i].body
-    style.line(ax, flight.poses.t_s, measured, color=colour, lw=1.7, label=name)
-    if wanted_m is not None:
-        dashed = style.ALARM if i == 0 else style.INK
-        style.line(ax, flight.reference.t_s, wanted_m, color=dashed, lw=0.8, ls=(0, (4, 2)), label="reference")
+    for axis, ax in enumerate(row):
+        measured = style.broken(flight.poses.pos_lab_m[:, i, axis], flight.poses.seen[:, i])
+        style.line(ax, flight.poses.t_s, measured, color=colour, lw=1.7, label=name)
+        if wanted_m is not None:
+            ink, ls = style.ALARM if i == 0 else style.INK, (0, (4, 2))
+            style.line(ax, flight.reference.t_s, wanted_m[:, axis], color=ink, lw=0.8, ls=ls, label="reference")
+        style.time_axis(ax, 0.0, flight.duration_s, label=label)
+        ax.set_ylabel(f"{'xyz'[axis]}, m")
+    row[0].set_title(name)
+    style.legend(row[2])
+    shade(row, flight)
 
 
 def draw_error(ax: Axes, flight: Flight, tracking: Tracking, error_mm: Float) -> None:

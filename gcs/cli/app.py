@@ -41,6 +41,7 @@ from wire.process.program import (
     print_error,
     print_event,
     program,
+    refusing,
 )
 from wire.process.system import NOT_RIGHT, REJECTED, python_command
 from wire.text import rows
@@ -208,15 +209,11 @@ def page(
         fail(f"--public: {public!r} is not https://HOST or https://HOST:PORT", NOT_RIGHT)
     if public and config.security is None:
         fail(f"{lab}: --public needs [security]: its operators are those who log in", NOT_RIGHT)
-    try:
+    with refusing():
         protection = lab_protection(config.security, lab, PAGE, insecure=insecure)
         door = Public(public, public_port) if public else None
         parent = os.getppid() if with_parent else None
         serve_page(lab, config, name, port, clock.Clock(speed), as_json, protection, door, parent)
-    except ConfigError as error:
-        fail(str(error), NOT_RIGHT)
-    except OSError as error:
-        fail(str(error), REJECTED)
 
 
 @app.command()
@@ -272,10 +269,8 @@ def serve_mocap(
     from wire.security.protection import lab_protection
 
     config = configuration(lab)
-    try:
+    with refusing():
         protection = lab_protection(config.security, lab, MOCAP, insecure=insecure)
-    except ConfigError as error:
-        fail(str(error), NOT_RIGHT)
     serve(config, linger, as_json, clock.Clock(speed), name, protection)
 
 
@@ -317,21 +312,14 @@ def live(
         fail(f"--host {host} is not this machine, and a viewer has no password: {FORWARD.format(port=port)}", NOT_RIGHT)
     config = configuration(lab)
     joined = config.link.joined
-    try:
+    with refusing(ViewerError):
         protection = lab_protection(config.security, lab, TOOL, insecure=insecure)
         protection.bus.demand((*joined.zenoh_listen, *joined.zenoh_connect))  # before a viewer is served
         viewer = Foxglove(host, port)
-    except (ViewerError, ConfigError) as error:
-        fail(str(error), NOT_RIGHT)
-    except OSError as error:
-        fail(str(error), REJECTED)
-    typer.echo(f"Foxglove: open connection ws://{host}:{viewer.port}", err=True)
-    try:
+        typer.echo(f"Foxglove: open connection ws://{host}:{viewer.port}", err=True)
         count = asyncio.run(
             run(config.link, config.name, name, viewer, lambda text: typer.echo(text, err=True), protection)
         )
-    except OSError as error:
-        fail(str(error), REJECTED)
     typer.echo(json.dumps({"messages": count}) if as_json else f"{count} messages streamed")
 
 
@@ -401,13 +389,9 @@ def ros2(
         )
     config = configuration(lab)
     graph = Graph(ROUTER, domain, f"/{path}" if path else "")
-    try:
+    with refusing(ValueError):
         protection = lab_protection(config.security, lab, identity, insecure=insecure)
         count = uvloop.run(run(config, name, graph, print_event, protection, clock.Clock(speed)))
-    except (ConfigError, ValueError) as error:
-        fail(str(error), NOT_RIGHT)
-    except OSError as error:
-        fail(str(error), REJECTED)
     typer.echo(json.dumps({"messages": count}) if as_json else f"{count} messages published")
 
 

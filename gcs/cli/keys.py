@@ -3,14 +3,14 @@
 import json
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from wire.errors import ConfigError
 from wire.files import demand_absent
-from wire.process.program import LAB, Json, LabFile, Overwrite, configuration, fail
-from wire.process.system import NOT_RIGHT, REJECTED
+from wire.process.program import LAB, Json, LabFile, Overwrite, configuration, refusing
+from wire.process.system import REJECTED
 
 if TYPE_CHECKING:
     from gcs.security.key_folder import KeyFolder
@@ -27,11 +27,9 @@ Lab = Annotated[Path, typer.Option("--lab", help="The lab file.")]
 @app.command()
 def new(lab: LabFile, as_json: Json = False) -> None:
     """Make the lab's keys: those that are missing, for its programs, drones and operators."""
-    try:
+    with refusing():
         folder = _folder(lab)
         made = folder.make(_now())
-    except (ConfigError, OSError) as error:
-        _fail(error)
     table = "" if configuration(lab).security is not None else "; now write [security] into the lab file"
     _print(as_json, {"made": made, "keys": str(folder.path)}, f"keys of {_list(made)} in {folder.path}{table}")
 
@@ -48,11 +46,9 @@ def pack(
     from gcs.security.bundle import write_bundle
 
     path = out or Path(f"{who}.keys")
-    try:
+    with refusing():
         demand_absent(path, overwrite)
         write_bundle(path, who, _folder(lab).files(who, _now()))
-    except (ConfigError, OSError) as error:
-        _fail(error)
     _print(as_json, {"file": str(path)}, f"{path}: carry it to the computer of {who}, and run `gcs keys install` there")
 
 
@@ -68,11 +64,9 @@ def token(
     from wire.security.private_keys import write_private
 
     path = out or Path(f"{who}.token")
-    try:
+    with refusing():
         demand_absent(path, overwrite)  # before the older token is void
         write_private(path, f"{_folder(lab).page_token(who, _now())}\n".encode())
-    except (ConfigError, OSError) as error:
-        _fail(error)
     _print(as_json, {"file": str(path)}, f"{path}: carry it to {who}, and delete it once it is in a password manager")
 
 
@@ -92,7 +86,7 @@ def install(
     from gcs.security.bundle import bundle_identity, install_bundle
 
     outcome = None
-    try:
+    with refusing():
         identity = bundle_identity(file)
         if sysid is not None and identity != drone_identity(sysid):
             raise ConfigError([f"{file}: keys of {identity}, not of drone {sysid}"])
@@ -101,8 +95,6 @@ def install(
             from gcs.security.autopilot_key import send_key
 
             outcome = send_key(keys / identity, serial)
-    except (ConfigError, OSError) as error:
-        _fail(error)
     values: dict[str, object] = {"identity": identity, "keys": str(keys)}
     text = f"keys of {identity} in {keys}: delete {file}"
     if outcome is not None:
@@ -128,10 +120,8 @@ def _proof(outcome: "ProbeOutcome") -> str:
 @app.command("list")
 def list_keys(lab: LabFile, as_json: Json = False) -> None:
     """List the identities with role, certificate and the day it ends."""
-    try:
+    with refusing():
         held = list(_folder(lab).held())
-    except (ConfigError, OSError) as error:
-        _fail(error)
     rows = [
         {
             "identity": each.identity, "role": each.role, "certificate": each.name,
@@ -150,10 +140,8 @@ def list_keys(lab: LabFile, as_json: Json = False) -> None:
 @app.command()
 def check(lab: LabFile, as_json: Json = False) -> None:
     """Check modes, ends and rules of the keys. Exit code 1 where something is wrong."""
-    try:
+    with refusing():
         faults = list(_folder(lab).faults(_now()))
-    except (ConfigError, OSError) as error:
-        _fail(error)
     _print(as_json, {"faults": faults}, "\n".join(faults) or "every key is right")
     if faults:
         raise typer.Exit(REJECTED)
@@ -162,20 +150,16 @@ def check(lab: LabFile, as_json: Json = False) -> None:
 @app.command()
 def rotate(who: Who, lab: Lab = LAB, as_json: Json = False) -> None:
     """Replace an identity's keys. Its old ones are void where the new rules are: pack and install it again."""
-    try:
+    with refusing():
         name = _folder(lab).rotate(who, _now())
-    except (ConfigError, OSError) as error:
-        _fail(error)
     _print(as_json, {"certificate": name}, f"{name}: {_AFTER}")
 
 
 @app.command()
 def revoke(who: Who, lab: Lab = LAB, as_json: Json = False) -> None:
     """Let nobody in by an identity's keys any more."""
-    try:
+    with refusing():
         name = _folder(lab).revoke(who, _now())
-    except (ConfigError, OSError) as error:
-        _fail(error)
     _print(as_json, {"certificate": name}, f"{name} is revoked: {_REVOKED}")
 
 
@@ -191,10 +175,6 @@ def _folder(lab: Path) -> "KeyFolder":
 
 def _now() -> datetime:
     return datetime.now(UTC)
-
-
-def _fail(error: Exception) -> NoReturn:
-    fail(str(error), NOT_RIGHT if isinstance(error, ConfigError) else REJECTED)
 
 
 def _list(names: list[str]) -> str:

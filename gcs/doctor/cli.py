@@ -18,8 +18,9 @@ from wire.process.program import (
     print_error,
     print_event,
     print_json_error,
+    refusing,
 )
-from wire.process.system import NOT_RIGHT, REJECTED
+from wire.process.system import REJECTED
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
@@ -79,13 +80,10 @@ def _run(work: Coroutine[Any, Any, T]) -> T:
     from mocap.service import ServiceError
 
     try:
-        return uvloop.run(work)
+        with refusing(ValueError):
+            return uvloop.run(work)
     except ServiceError as error:
         fail(str(error), error.code)
-    except ValueError as error:
-        fail(str(error), NOT_RIGHT)
-    except OSError as error:
-        fail(str(error), REJECTED)
 
 
 class _FixOptions:

@@ -16,7 +16,7 @@ from formation.names import meant
 from wire import version
 from wire.errors import ConfigError
 from wire.files import read_toml
-from wire.process.system import NOT_RIGHT
+from wire.process.system import NOT_RIGHT, REJECTED
 
 if TYPE_CHECKING:
     from formation.config import LabConfig
@@ -177,6 +177,18 @@ def fail(text: str, code: int) -> NoReturn:
     print_json_error(text)
     print_error(f"gcs: {text}")
     raise typer.Exit(code)
+
+
+@contextmanager
+def refusing(*not_right: type[Exception]) -> Iterator[None]:
+    """Turn a configuration, keys, or more that is not right, and what the system refuses, into one line and the end."""
+    not_right = (ConfigError, *not_right)
+    try:
+        yield
+    except not_right as error:
+        fail(str(error), NOT_RIGHT)
+    except OSError as error:
+        fail(str(error), REJECTED)
 
 
 def print_event(event: "Event") -> None:

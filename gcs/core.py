@@ -119,6 +119,7 @@ class GcsCore:
         self._rejected = np.zeros(len(self._bodies), np.uint8)
         self._newest_capture_ns = NEVER_NS
         self._requests: list[OperatorRequest] = []
+        self._stops: list[OperatorRequest] = []
         self._arming_request: int | None = None
         self._tick_ns = t0_ns
         self._due = False
@@ -158,7 +159,7 @@ class GcsCore:
                     link.receive(message.data, now_ns, message.superseded)
                     self._due = self._due or link.has_answers
             case OperatorRequest():
-                self._requests.append(message)
+                (self._stops if message.verb is Verb.STOP else self._requests).append(message)
                 self._due = True
             case HostReport():
                 self._flight.events += self._host.receive(message)
@@ -175,8 +176,13 @@ class GcsCore:
         return self._tick_ns if self._due else self._deadline_ns
 
     def tick(self, now_ns: int) -> Outgoing:
-        """Control on a fresh frame, safety and the flight's progress always. Raises BrokenInvariantError."""
+        """Control on a fresh frame, safety and the flight's progress always. Raises BrokenInvariantError.
+
+        A stop has a tick of its own, before everything else; what else is due then has the next one, at once.
+        """
         self._tick_ns, self._due = now_ns, False
+        if self._stops:
+            return self.stop(now_ns)
         self._reinitialise(now_ns)
         frame, stack, plan = self._pop_frame(), self._stack, self._flight.plan()
         self._gatherer.compare_attitudes(frame)
@@ -195,6 +201,16 @@ class GcsCore:
         datagrams = self._packets.due(frame, streamed, now_ns)
         self._deadline_ns = self._compute_deadline_ns(now_ns)
         return Outgoing(datagrams=datagrams, replies=tuple(replies), records=self._records(stages))
+
+    def stop(self, now_ns: int) -> Outgoing:
+        """Cut every drone's motors. Nothing is judged, measured or computed before, and nothing can reject it."""
+        stops, self._stops = self._stops, []
+        self._flight.stop(now_ns)
+        datagrams = self._packets.due(None, None, now_ns)
+        self._deadline_ns = self._compute_deadline_ns(now_ns)
+        self._due = self._frame is not None or bool(self._requests) or self._arming_request is not None
+        replies = tuple(OperatorReply(request.id, True, done_text(self._flight)) for request in stops)
+        return Outgoing(datagrams, replies, self._records(None))
 
     def _compute_deadline_ns(self, now_ns: int) -> int:
         """When the next frame is overdue, or an urgent command must be repeated, whichever is first."""

@@ -210,6 +210,12 @@ class Flight:
         if after is not None and after is not self.phase:
             self._enter(after, code, cause, now_ns)
 
+    def stop(self, now_ns: int) -> None:
+        """Have every drone's motors cut, whatever goes on."""
+        self.pull(Trigger.STOP, Cause.OPERATOR, "operator: stop", now_ns)
+        for drone in self._drones:
+            drone.pursue(now_ns)
+
     def judge(self, verdict: Verdict, rejected: Sequence[int], now_ns: int) -> None:
         """Apply the verdict of the safety rules. rejected: why the mocap rejects each body's pose (Rejection)."""
         self.events += self.alarms.update(verdict.changes, rejected, now_ns)

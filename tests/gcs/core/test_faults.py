@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from formation.guidance.plan import Mode
-from formation.messages import Phase, Verb
+from formation.messages import OperatorRequest, Phase, Verb
 from formation.reasons import Reason
 from gcs.alarms import EventMemory
 from gcs.core import BrokenInvariantError
@@ -197,6 +197,28 @@ def test_an_estimate_that_is_not_finite_ends_the_core():
     lab.core._stack._memory.law["z_m"] = np.nan
     with pytest.raises(BrokenInvariantError, match="not finite"):
         lab.run(0.1)
+
+
+def test_a_stop_cuts_the_motors_before_anything_that_may_fail():
+    """With a frame and other requests that came before it, and a control that ends the core with that frame."""
+    lab = flying()
+
+    def broken(*_: object) -> None:
+        raise BrokenInvariantError("not finite")
+
+    lab.core._control = broken
+    lab.now_ns += 10_000_000
+    lab.core.receive(lab.frame(), lab.now_ns)
+    for k, verb in enumerate((Verb.SHAPE, Verb.STOP)):
+        lab.core.receive(OperatorRequest(900 + k, verb, "nonsense"), lab.now_ns)
+    out = lab.core.tick(lab.now_ns)
+    assert [(reply.id, reply.accepted) for reply in out.replies] == [(901, True)]
+    for datagram in out.datagrams:
+        lab.drones[datagram.sysid].receive(datagram.data, lab.now_ns)
+    assert not any(drone.armed for drone in lab.drones.values())
+    assert lab.core.next_deadline_ns() == lab.now_ns
+    with pytest.raises(BrokenInvariantError, match="not finite"):
+        lab.core.tick(lab.now_ns)
 
 
 def test_a_rejection_code_that_is_none_of_ours_ends_nothing():

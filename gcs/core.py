@@ -5,7 +5,7 @@ ticks without a frame only watch, answer and repeat. The ground's heartbeat ride
 earned by the control, so that a drone hears it stop when control stops.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +34,6 @@ from formation.messages import (
 )
 from formation.own_law.flight import OwnLaws
 from formation.own_law.law import Answer, LawGuard, unlimited
-from formation.reasons import Reject
 from formation.safety import rules
 from formation.safety.phases import CHANGES_NO_PHASE, STREAMING, Trigger
 from formation.safety.rules import Facts
@@ -48,8 +47,9 @@ from gcs.drones.packets import Packets
 from gcs.drones.protocols import COMMAND_RETRY_NS
 from gcs.drones.telemetry import NEVER_NS
 from gcs.flight import Flight, armed_text, done_text
+from gcs.formation_change import Judged
 from gcs.landing import takeover_text
-from gcs.permissions import Situation, allowed, parameter_warnings, reject_reasons
+from gcs.permissions import Situation, allowed, out_of_turn, parameter_warnings, reject_reasons
 from gcs.safety import (
     SETPOINT_HOLD_OFF,
     STOP_REPEAT,
@@ -60,7 +60,7 @@ from gcs.safety import (
     measured_specific_forces,
 )
 from gcs.state import About, ground_state
-from wire.ground_state import Counters, GroundState, encode
+from wire.ground_state import Counters, GroundState
 from wire.lab_surroundings import law_of, printing_to_stderr
 from wire.link_messages import ground_address
 from wire.rejections import RejectionLog
@@ -239,7 +239,7 @@ class GcsCore:
             host=self._host,
             counters=self._counters(),
             rejected={b: rejection_text(c) for b, c in zip(self._bodies, self._rejected.tolist(), strict=True) if c},
-            allowed=allowed(self._situation(facts, now_ns)),
+            allowed=allowed(self._situation(facts, self._flight.excluded, now_ns)),
         )
         return ground_state(self._flight, self._drones, facts, self._stages, self._config, about, now_ns)
 
@@ -297,13 +297,14 @@ class GcsCore:
         return stages
 
     def _answer(self, request: OperatorRequest, now_ns: int) -> list[OperatorReply]:
-        """The answer; none yet to `arm`, which is answered when every drone has armed, or has not."""
-        if request.verb is Verb.STATUS:
-            return [OperatorReply(request.id, True, encode(self.state(now_ns)))]
-        excluded = self._flight.excluded
-        if reasons := self._reject_reasons(request, now_ns):
-            self._flight.exclude_only(excluded)
-            text = "; ".join(reject.text for reject in reasons)
+        """Judge a request and apply it; `arm` is answered when every drone has armed, or has not."""
+        excluded, reasons = formation_change.participation(request, self._flight)
+        now = self._situation(self._facts(now_ns), excluded, now_ns)
+        judged = Judged(out_of_turn(request.verb, self.phase) or reasons or reject_reasons(request.verb, now))
+        if not judged.reasons:
+            judged = formation_change.judge(request, self._flight, now.facts, self._stages, now_ns)
+        if judged.reasons:
+            text = "; ".join(reject.text for reject in judged.reasons)
             self._flight.events.append(
                 Event(
                     Severity.NOTICE,  # the asker has the reply; nobody else has to act
@@ -313,42 +314,33 @@ class GcsCore:
                     subject=request.verb,
                 )
             )
-            return [OperatorReply(request.id, False, text, tuple(reject.reason.code for reject in reasons))]
-        self._flight.report_excluded(excluded)
+            return [OperatorReply(request.id, False, text, tuple(reject.reason.code for reject in judged.reasons))]
+        self._flight.exclude(excluded)
+        judged.apply()
         self._execute(request, now_ns)
         if request.verb is Verb.ARM:
             self._arming_request = request.id
             return []
         return [OperatorReply(request.id, True, done_text(self._flight))]
 
-    def _reject_reasons(self, request: OperatorRequest, now_ns: int) -> tuple[Reject, ...]:
-        """Every reason against the request; without any, a shape, a trajectory or who takes part has been changed."""
-        if request.verb is Verb.ARM and (reasons := formation_change.participation(request, self._flight)):
-            return reasons
-        facts = self._facts(now_ns)
-        reasons = reject_reasons(request.verb, self._situation(facts, now_ns))
-        return reasons or formation_change.ask(request, self._flight, facts, self._stages, now_ns)
-
-    def _situation(self, facts: Facts, now_ns: int) -> Situation:
-        return Situation(self._config, self._drones, self._flight, self._host, self._without, facts, now_ns)
+    def _situation(self, facts: Facts, excluded: Collection[str], now_ns: int) -> Situation:
+        return Situation(self._config, self._drones, self._flight, self._host, self._without, facts, now_ns, excluded)
 
     def _execute(self, request: OperatorRequest, now_ns: int) -> None:
-        """Execute a request that nothing stands against; those of CHANGES_NO_PHASE, and `acknowledge`, change no phase.
-
-        Nor does a landing of one drone alone.
-        """
+        """Change the phase as a request asks for that nothing stands against; a landing of one drone changes none."""
         verb = request.verb
-        down = takeover_text(self._drones) if verb is Verb.TAKE_CONTROL else ""
         if verb is Verb.ACKNOWLEDGE:
             self._flight.events.append(ACKNOWLEDGED)
-        elif down:
+        if verb in CHANGES_NO_PHASE or (verb is Verb.LAND and request.argument):
+            return
+        if verb is Verb.TAKE_CONTROL and (down := takeover_text(self._drones)):
             self._flight.pull(Trigger.LAND, Cause.LANDS_ITSELF, down, now_ns)
-        elif verb not in CHANGES_NO_PHASE and not (verb is Verb.LAND and request.argument):
-            self._flight.pull(Trigger(verb.value), Cause.OPERATOR, f"operator: {verb}", now_ns)
-            if verb is Verb.ARM and self._flight.excluded:
-                self._stack = self._fresh_stack()  # who was left out and is out of sight is not kept clear of
-            if verb is Verb.TAKE_CONTROL:
-                self._stack, self._reinitialise_at_ns = self._fresh_stack(), now_ns + REINITIALISE_NS
+            return
+        self._flight.pull(Trigger(verb.value), Cause.OPERATOR, f"operator: {verb}", now_ns)
+        if verb is Verb.ARM and self._flight.excluded:
+            self._stack = self._fresh_stack()  # who was left out and is out of sight is not kept clear of
+        if verb is Verb.TAKE_CONTROL:
+            self._stack, self._reinitialise_at_ns = self._fresh_stack(), now_ns + REINITIALISE_NS
 
     def _answer_arming(self, now_ns: int) -> list[OperatorReply]:
         request, flight = self._arming_request, self._flight

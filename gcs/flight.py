@@ -87,16 +87,12 @@ class Flight:
         self._spots: Float | None = None
         self._descent: Descent | None = None
 
-    def exclude_only(self, excluded: Collection[str]) -> None:
-        """Leave out these drones, by body, and no others; `report_excluded` says so once nothing stands against it."""
+    def exclude(self, excluded: Collection[str]) -> None:
+        """Leave out these drones, by body, and no others."""
         for drone in self._drones:
-            drone.excluded = drone.link.name in excluded
-
-    def report_excluded(self, before: Collection[str]) -> None:
-        """Report who is left out now, or is not any more. before: the bodies that were."""
-        for drone in self._drones:
-            name = drone.link.name
-            if drone.excluded != (name in before):
+            name, before = drone.link.name, drone.excluded
+            drone.excluded = name in excluded
+            if drone.excluded != before:
                 text = f"{name} is left out" if drone.excluded else f"{name} takes part again"
                 self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.EXCLUDED, subject=name))
 
@@ -142,6 +138,15 @@ class Flight:
             Event(Severity.NOTICE, "flight", f"trajectory {trajectory}: {about}", code=EventCode.TRAJECTORY)
         )
 
+    def keep_shape(self, shape: Shape) -> None:
+        """Have the next start take up that shape."""
+        self.shape = shape
+
+    def form(self, transition: Transition, begin_ns: int | None) -> None:
+        """Take up the formation; the leader's trajectory begins then, or as soon as all slots are taken."""
+        self.change_formation(transition)
+        self.begin_ns = begin_ns
+
     def change_formation(self, transition: Transition) -> None:
         """Change the formation to a shape by a transition."""
         self.shape, self.rise_m = transition.shape, transition.rise_m
@@ -176,8 +181,9 @@ class Flight:
         self.change_formation(transition)
         self._drones[0].setpoint = hold_setpoint(self.config.flight.formation_change_m_s)
 
-    def resume(self, now_ns: int) -> None:
+    def resume(self, transition: Transition, now_ns: int) -> None:
         """Take up the formation, and have the leader go on along its trajectory where a hold interrupted it."""
+        self.change_formation(transition)
         interrupted_s = self.interrupted_s
         self.pull(Trigger.START, Cause.OPERATOR, "operator: resume", now_ns)
         self.interrupted_s = interrupted_s

@@ -1,6 +1,13 @@
-"""Requests for a shape, a trajectory or who takes part: whether it fits, and the transition into the slots."""
+"""Requests for a shape, a trajectory or who takes part: whether it fits, and the transition into the slots.
 
+A request is judged as the flight is; nothing changes until `Judged.apply`. A new request is a row of
+formation.requests.Verb, of `gcs.permissions.CONDITIONS` and, where it changes more than the phase, of `judge`.
+"""
+
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,10 +37,15 @@ WAITED_NS = 3_600_000_000_000
 SAMPLES = 200  # along the leader's path; a sample takes 15 us of a tick
 
 
-def ask(
-    request: OperatorRequest, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int
-) -> tuple[Reject, ...]:  # fmt: skip
-    """Change the formation by a start, a shape or a trajectory, or return why it does not fit; others change nothing.
+class Judged(NamedTuple):
+    """The reasons against a request, or what to do where there are none."""
+
+    reasons: tuple[Reject, ...] = ()
+    apply: Callable[[], None] = lambda: None
+
+
+def judge(request: OperatorRequest, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int) -> Judged:
+    """Whether a start, a shape, a trajectory, a way home or a landing alone fits; other requests do.
 
     Called where gcs.permissions allows the request.
     """
@@ -41,49 +53,40 @@ def ask(
         case Verb.START if stages is not None:
             return start(request.argument, flight, stages, now_ns)
         case Verb.RESUME if stages is not None:
-            return resume(flight, stages, now_ns)
+            path_s = flight.interrupted_s or 0.0
+            return _form(flight, stages, flight.trajectory, path_s, partial(flight.resume, now_ns=now_ns))
         case Verb.SHAPE:
             return change(request.argument, flight, facts, stages, now_ns)
         case Verb.TRAJECTORY:
             return choose(request.argument, flight, facts, stages)
-        case Verb.EXCLUDE | Verb.INCLUDE:
-            return participation(request, flight)
         case Verb.HOME if stages is not None:
             return home(flight, stages, now_ns)
         case Verb.LAND if request.argument:
             return leave(request.argument, flight, stages, now_ns)
         case _:
-            return ()
+            return Judged()
 
 
-def participation(request: OperatorRequest, flight: Flight) -> tuple[Reject, ...]:
-    """Leave drones out of the flight, or take them in again, or return why not.
+def participation(request: OperatorRequest, flight: Flight) -> tuple[frozenset[str], tuple[Reject, ...]]:
+    """The bodies left out of the flight after a request, and every reason against that; most requests change nothing.
 
     argument: bodies, with commas between; `arm` names all that fly, or nobody, and then changes nothing. Any one drone
     may be armed alone, to see which it is: gcs.permissions rejects its take-off.
     """
-    if request.verb is Verb.ARM and not request.argument:
-        return ()
-    named, config = set(request.argument.split(",")), flight.config
-    drones = {vehicle.body for vehicle in config.vehicles if vehicle.sysid is not None}
+    excluded, verb, config = frozenset(flight.excluded), request.verb, flight.config
+    if verb not in (Verb.EXCLUDE, Verb.INCLUDE) and not (verb is Verb.ARM and request.argument):
+        return excluded, ()
+    named = frozenset(request.argument.split(","))
+    drones = frozenset(vehicle.body for vehicle in config.vehicles if vehicle.sysid is not None)
     if unknown := sorted(named - drones):
-        return (Reason.NO_DRONE.of(", ".join(unknown), ", ".join(names(config))),)
-    match request.verb:
-        case Verb.EXCLUDE:
-            excluded = named | set(flight.excluded)
-        case Verb.INCLUDE:
-            excluded = set(flight.excluded) - named
-        case _:
-            excluded = drones - named
-    is_alone = request.verb is Verb.ARM and len(named) == 1
-    if not is_alone and (reasons := tuple(lacking(config, excluded))):
-        return reasons
-    flight.exclude_only(excluded)
-    return ()
+        return excluded, (Reason.NO_DRONE.of(", ".join(unknown), ", ".join(names(config))),)
+    after = {Verb.EXCLUDE: excluded | named, Verb.INCLUDE: excluded - named}.get(verb, drones - named)
+    is_alone = verb is Verb.ARM and len(named) == 1
+    return after, () if is_alone else tuple(lacking(config, after))
 
 
-def home(flight: Flight, stages: Stages, now_ns: int) -> tuple[Reject, ...]:
-    """Lead all to above where they took off, or return why not.
+def home(flight: Flight, stages: Stages, now_ns: int) -> Judged:
+    """Lead all to above where they took off, or why not.
 
     They form as they stood, by a transition that keeps them apart, and the leader then flies there.
     """
@@ -91,72 +94,58 @@ def home(flight: Flight, stages: Stages, now_ns: int) -> tuple[Reject, ...]:
     shape, pose = flight.start_shape(), _leader_pose(stages)
     stay = anchored(TrajectoryConfig(), pose[:3], float(pose[3]))
     if reasons := slot_reject_reasons(foreseen(shape, pose, stay, 0.0, config), config):
-        return reasons
-    try:
-        flight.go_home(compute_transition(shape, stages, config, flight.forming), now_ns)
-    except ValueError as error:
-        return (Reason.NO_TRANSITION.of(error),)
-    return ()
+        return Judged(reasons)
+    return _set_out(shape, flight, stages, partial(flight.go_home, now_ns=now_ns))
 
 
-def leave(body: str, flight: Flight, stages: Stages | None, now_ns: int) -> tuple[Reject, ...]:
-    """Land one follower alone while the others fly on, or return why not.
+def leave(body: str, flight: Flight, stages: Stages | None, now_ns: int) -> Judged:
+    """Land one follower alone while the others fly on, or why not.
 
     It lands at the nearest spot that is clear of the others, of their slots and of where these are led.
     """
     config, bodies = flight.config, names(flight.config)
     followers = [follower.body for follower in config.followers]
     if body == config.leader.body:
-        return (Reason.LEADER_NEEDED.of(body, LAND_ALL),)
+        return Judged((Reason.LEADER_NEEDED.of(body, LAND_ALL),))
     if body not in followers:
-        return (Reason.NO_DRONE.of(body, ", ".join(bodies)),)
+        return Judged((Reason.NO_DRONE.of(body, ", ".join(bodies)),))
     if stages is None or not flight.forming[followers.index(body)]:
-        return (Reason.NOT_FLYING.of(body),)
+        return Judged((Reason.NOT_FLYING.of(body),))
     if np.count_nonzero(flight.forming) == 1:
-        return (Reason.NONE_LEFT.of(LAND_ALL),)
+        return Judged((Reason.NONE_LEFT.of(LAND_ALL),))
     ahead = foreseen(flight.shape, _leader_pose(stages), *flight.trajectory_progress(now_ns), config)
     others = [i for i, follower in enumerate(followers) if flight.forming[i] and follower != body]
     here_m, own = stages.state.pos_lab_m[:, :2], bodies.index(body)
     paths_m = np.vstack((ahead.leader[:, 0, :2], ahead.slots[:, others, 0, :2].reshape(-1, 2)))
     spot = free_spot(here_m[own], np.vstack((np.delete(here_m, own, axis=0), paths_m)), config.limits)
-    flight.leave(body, (float(spot[0]), float(spot[1])), now_ns)
-    return ()
+    return Judged(apply=partial(flight.leave, body, (float(spot[0]), float(spot[1])), now_ns))
 
 
-def start(at: str, flight: Flight, stages: Stages, now_ns: int) -> tuple[Reject, ...]:
-    """Form the flight's shape about the leader, or return why not: shape or transition would leave the fence.
+def start(at: str, flight: Flight, stages: Stages, now_ns: int) -> Judged:
+    """Form the flight's shape about the leader, or why not: shape or transition would leave the fence.
 
     at: when the leader's trajectory is to begin, ns of the ground's clock; empty: as soon as all slots are taken.
     """
     if at and flight.config.leader.sysid is None:
-        return (Reason.LEADER_OBSERVED.of(flight.config.leader.body),)
+        return Judged((Reason.LEADER_OBSERVED.of(flight.config.leader.body),))
     begin_ns = time_ns(at)
     if at and not (begin_ns is not None and now_ns < begin_ns < now_ns + WAITED_NS):
-        return (Reason.NO_TIME.of(),)
-    reasons = _form(flight, stages, None, 0.0)
-    if not reasons:
-        flight.begin_ns = begin_ns
-    return reasons
+        return Judged((Reason.NO_TIME.of(),))
+    return _form(flight, stages, None, 0.0, partial(flight.form, begin_ns=begin_ns))
 
 
-def resume(flight: Flight, stages: Stages, now_ns: int) -> tuple[Reject, ...]:
-    """Go on along the leader's trajectory where a hold interrupted it, or return why not."""
-    reasons = _form(flight, stages, flight.trajectory, flight.interrupted_s or 0.0)
-    if not reasons:
-        flight.resume(now_ns)
-    return reasons
-
-
-def _form(flight: Flight, stages: Stages, path: Trajectory | None, path_s: float) -> tuple[Reject, ...]:
-    """Set out for the slots of the flight's shape, on what is left of that path; or return why not."""
+def _form(
+    flight: Flight, stages: Stages, path: Trajectory | None, path_s: float, apply: Callable[[Transition], None]
+) -> Judged:
+    """Set out for the slots of the flight's shape, on what is left of that path; or why not."""
     config = flight.config
     ahead = foreseen(flight.shape, _leader_pose(stages), path, path_s, config)
     outside = leader_path_reject_reasons(ahead, config) + slot_reject_reasons(ahead, config)
-    return outside or _set_out(flight.shape, flight, stages, config)
+    return Judged(outside) if outside else _set_out(flight.shape, flight, stages, apply)
 
 
-def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int) -> tuple[Reject, ...]:
-    """Take another shape, or say why not; judged on the ground as in the air.
+def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_ns: int) -> Judged:
+    """Take another shape, or why not; judged on the ground as in the air.
 
     In formation the followers set out at once. Else it is kept for the start, and judged above where the leader is, at
     the height of the take-off; or, while it is not seen, where the lab file expects it.
@@ -165,32 +154,29 @@ def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_
     try:
         shape = requested(asked, stages, config, flight.forming)
     except ValueError as error:
-        return (Reason.NO_SHAPE.of(error),)
+        return Judged((Reason.NO_SHAPE.of(error),))
     pose = _start_pose(facts, stages, config, aloft=forming)
     ahead = foreseen(shape, pose, *flight.trajectory_progress(now_ns), config)
     if reasons := slot_reject_reasons(ahead, config):
-        return reasons
+        return Judged(reasons)
     if forming and stages is not None:
-        return _set_out(shape, flight, stages, config)
-    flight.shape = shape
-    return ()
+        return _set_out(shape, flight, stages, flight.change_formation)
+    return Judged(apply=partial(flight.keep_shape, shape))
 
 
-def choose(asked: str, flight: Flight, facts: Facts, stages: Stages | None) -> tuple[Reject, ...]:
-    """Have the leader fly another trajectory when it is started next, or say why not; judged from where it is now.
+def choose(asked: str, flight: Flight, facts: Facts, stages: Stages | None) -> Judged:
+    """Have the leader fly another trajectory when it is started next, or why not; judged from where it is now.
 
     On the ground at the height of the take-off, and while the leader is not seen from where the lab file expects it.
     """
     try:
         config = flight.lab.flying(asked)
     except ValueError as error:
-        return (Reason.NO_TRAJECTORY.of(error),)
+        return Judged((Reason.NO_TRAJECTORY.of(error),))
     pose = _start_pose(facts, stages, config, aloft=flight.phase is Phase.HOLD)
     ahead = foreseen(flight.shape, pose, None, 0.0, config)
-    if reasons := trajectory_reject_reasons(ahead, config):
-        return reasons
-    flight.choose(asked, trajectory_text(config, ahead))
-    return ()
+    reasons = trajectory_reject_reasons(ahead, config)
+    return Judged(reasons, partial(flight.choose, asked, trajectory_text(config, ahead)))
 
 
 def trajectory_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[Reject, ...]:
@@ -233,13 +219,12 @@ def transition_of(shape: Shape, motion_lead: Float, leader_z_m: float, config: L
     return replace(found, shape=shape, rise_m=tuple(rise_m.tolist()))
 
 
-def _set_out(shape: Shape, flight: Flight, stages: Stages, config: LabConfig) -> tuple[Reject, ...]:
-    """Start the transition into the slots, or return why there is none."""
+def _set_out(shape: Shape, flight: Flight, stages: Stages, apply: Callable[[Transition], None]) -> Judged:
+    """Have `apply` start the transition into the slots, or why there is none."""
     try:
-        flight.change_formation(compute_transition(shape, stages, config, flight.forming))
+        return Judged(apply=partial(apply, compute_transition(shape, stages, flight.config, flight.forming)))
     except ValueError as error:
-        return (Reason.NO_TRANSITION.of(error),)
-    return ()
+        return Judged((Reason.NO_TRANSITION.of(error),))
 
 
 def foreseen(shape: Shape, pose: Float, path: Trajectory | None, path_s: float, config: LabConfig) -> Preview:

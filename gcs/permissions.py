@@ -29,7 +29,10 @@ LEVEL_RAD = 0.35
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """The facts by which a request is judged. without: monitors that are switched off."""
+    """The facts by which a request is judged. without: monitors that are switched off.
+
+    excluded: the bodies that take no part after the request.
+    """
 
     config: LabConfig
     drones: tuple[Drone, ...]
@@ -38,6 +41,12 @@ class Situation:
     without: frozenset[str]
     facts: Facts
     now_ns: int
+    excluded: Collection[str] = ()
+
+    @property
+    def participants(self) -> tuple[Drone, ...]:
+        """Drones that take part."""
+        return tuple(d for d in self.drones if d.link.name not in self.excluded)
 
     @property
     def flying(self) -> tuple[Drone, ...]:
@@ -47,7 +56,7 @@ class Situation:
     @property
     def unheard(self) -> tuple[Drone, ...]:
         """Drones of this flight whose last heartbeat is too old."""
-        return tuple(d for d in self.drones if not d.excluded and d.link.heartbeat_age_s(self.now_ns) > HEARTBEAT_S)
+        return tuple(d for d in self.participants if d.link.heartbeat_age_s(self.now_ns) > HEARTBEAT_S)
 
 
 Condition = Callable[[Situation], Iterable[Reject]]
@@ -56,11 +65,16 @@ Condition = Callable[[Situation], Iterable[Reject]]
 
 def reject_reasons(verb: Verb, situation: Situation) -> tuple[Reject, ...]:
     """Every reason against the request now; where it is for other phases, this one alone."""
-    phase, phases = situation.flight.phase, PHASES_FOR[verb]
-    if phase not in phases:
-        names = ", ".join(each.name for each in phases)
-        return (Reason.OUT_OF_TURN.of(verb.command_name, names, phase.name, meant(verb, phase)),)
-    return tuple(reject for condition in CONDITIONS.get(verb, ()) for reject in condition(situation))
+    unmet = (reject for condition in CONDITIONS.get(verb, ()) for reject in condition(situation))
+    return out_of_turn(verb, situation.flight.phase) or tuple(unmet)
+
+
+def out_of_turn(verb: Verb, phase: Phase) -> tuple[Reject, ...]:
+    """Why the request is not for this phase; empty where it is."""
+    if phase in PHASES_FOR[verb]:
+        return ()
+    names = ", ".join(each.name for each in PHASES_FOR[verb])
+    return (Reason.OUT_OF_TURN.of(verb.command_name, names, phase.name, meant(verb, phase)),)
 
 
 def allowed(situation: Situation) -> dict[str, tuple[Reject, ...]]:
@@ -103,7 +117,7 @@ def bodies_ready(now: Situation) -> Iterator[Reject]:
     outside_m = outside_box(facts.pos_lab_m, limits.fence.low_m, limits.fence.high_m)
     near_m = nearest(facts.pos_lab_m, fresh)
     for i, name in enumerate(facts.names):
-        if facts.excluded[i]:
+        if name in now.excluded:
             continue
         if not fresh[i]:
             yield Reason.NO_POSE.of(name, _ago(facts.age_s[i]))
@@ -141,9 +155,8 @@ def _ago(age_s: float) -> str:
 
 def autopilots_ready(now: Situation) -> Iterator[Reject]:
     """Every autopilot is one that we know, ready to fly, with the parameters that a flight needs."""
-    for drone in now.drones:
-        if not drone.excluded:
-            yield from autopilot_reasons(drone.link)
+    for drone in now.participants:
+        yield from autopilot_reasons(drone.link)
 
 
 def autopilot_reasons(link: DroneLink) -> Iterator[Reject]:
@@ -197,7 +210,7 @@ def all_armed(now: Situation) -> Iterator[Reject]:
 
 def leader_and_follower(now: Situation) -> Iterator[Reject]:
     """A leader and a follower take part: one drone that is armed alone, to be identified, stays on the floor."""
-    yield from lacking(now.config, now.flight.excluded, LAND_AND_INCLUDE)
+    yield from lacking(now.config, now.excluded, LAND_AND_INCLUDE)
 
 
 def lacking(config: LabConfig, excluded: Collection[str], instead: str = "") -> Iterator[Reject]:
@@ -265,8 +278,8 @@ def leader_commanded(now: Situation) -> Iterator[Reject]:
 
 def starts_known(now: Situation) -> Iterator[Reject]:
     """Every drone that flies took off under this ground."""
-    for drone in now.drones:
-        if drone.start_lab_m is None and not drone.excluded:
+    for drone in now.participants:
+        if drone.start_lab_m is None:
             yield Reason.NO_START.of(drone.link.name)
 
 

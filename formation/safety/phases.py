@@ -93,7 +93,7 @@ CHANGES_NO_PHASE: Mapping[Verb, tuple[Phase, ...]] = MappingProxyType(
         Verb.HOME: (Phase.HOLD, Phase.FORMATION),
         # Neither while the leader flies one, nor while it waits for its slots to be taken.
         Verb.TRAJECTORY: (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD),
-        Verb.SHAPE: tuple(Phase),
+        **dict.fromkeys((Verb.SHAPE, Verb.ACKNOWLEDGE, Verb.STATUS), tuple(Phase)),
     }
 )
 """Requests that are no triggers, and the phases that they are for."""

@@ -66,7 +66,6 @@ def _flown(record) -> FakeLab:
     assert lab.reply(lab.ask(Verb.TRAJECTORY, "eight")).accepted
     lab.fly()
     lab.run(2.5)
-    lab.ask(Verb.STATUS)
     assert abs(lab.drones[1].pos[1]) > 0.02
     return lab
 

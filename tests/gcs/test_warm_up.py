@@ -10,7 +10,7 @@ FLIGHT = """
 import sys
 from numba.core.dispatcher import Dispatcher
 from tests.gcs.fakes import FakeLab, triangle
-from formation.messages import Phase, Verb
+from formation.messages import Phase
 from gcs.warm_up import warm_up
 
 def signatures():
@@ -23,7 +23,7 @@ warm = signatures()
 lab = FakeLab(triangle())
 lab.fly()
 lab.run(4.0)
-lab.ask(Verb.STATUS)
+lab.core.state(lab.now_ns)
 lab.hidden.add("left")
 lab.run(0.3)
 lab.hidden.clear()

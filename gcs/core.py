@@ -41,10 +41,11 @@ from formation.topics import Topic
 from gcs import formation_change
 from gcs.alarms import ACKNOWLEDGED
 from gcs.drones.autopilot_model import streams
-from gcs.drones.drone import Drone, Goal
+from gcs.drones.drone import Drone
 from gcs.drones.link_state import DroneLink
 from gcs.drones.packets import Packets
 from gcs.drones.protocols import COMMAND_RETRY_NS
+from gcs.drones.stages import Stage
 from gcs.drones.telemetry import NEVER_NS
 from gcs.flight import Flight, armed_text, done_text
 from gcs.formation_change import Judged
@@ -214,7 +215,7 @@ class GcsCore:
 
     def _compute_deadline_ns(self, now_ns: int) -> int:
         """When the next frame is overdue, or an urgent command must be repeated, whichever is first."""
-        urgent = (d.link.commands.urgent_ns for d in self._drones if d.goal is Goal.CUT)
+        urgent = (d.link.commands.urgent_ns for d in self._drones if d.stage is Stage.CUT)
         return min((now_ns + self.watchdog_ns, *(due_ns for due_ns in urgent if due_ns is not None)))
 
     def _reinitialise(self, now_ns: int) -> None:
@@ -279,7 +280,7 @@ class GcsCore:
         return requests
 
     def _control(self, frame: LabFrame, plan: Plan, now_ns: int) -> Stages:
-        flies = np.array([drone.lifted and not drone.touched for drone in self._drones])
+        flies = np.array([drone.floor.lifted and not drone.floor.touched for drone in self._drones])
         force_meas, bias = measured_specific_forces(self._drones, frame), self._gatherer.level_bias_rad()
         hover_norm = self._gatherer.hover_thrusts_norm()
         stages = self._stack.step(now_ns, frame, plan, hover_norm, force_meas, bias, flies)

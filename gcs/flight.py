@@ -1,14 +1,16 @@
 """The flight: the phase, what each drone is led to in it, and how what is seen moves it on. No bytes, no control."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 from formation.config import CONFIGURED, FlightConfig, LabConfig
 from formation.control.stack import Stages
-from formation.guidance.plan import IDLE, Mode, Plan, Setpoint
+from formation.guidance.plan import HERE, IDLE, Mode, Plan, Setpoint
 from formation.guidance.preview import trajectory_from
 from formation.guidance.shape import Shape, configured
 from formation.guidance.trajectory import Trajectory
@@ -18,16 +20,9 @@ from formation.maths.frames import rotate_about_z
 from formation.messages import Cause, Event, EventCode, Phase, PhaseChange, Severity
 from formation.safety.phases import AFTER_STOP, AIRBORNE, Trigger, advance
 from formation.safety.rules import Verdict
-from gcs.drones.drone import (
-    STREAM_FIRST_NS,
-    TAKE_OFF_S,
-    Drone,
-    Goal,
-    aside_setpoint,
-    hold_setpoint,
-    land_setpoint,
-    take_off_setpoint,
-)
+from gcs.drones.drone import TAKE_OFF_S, Drone
+from gcs.drones.stages import Stage
+from gcs.drones.stages import Trigger as DroneTrigger
 from gcs.landing import FIRST_FRAME_NS, Descent, descent, landed_text, landing_spots, late_text
 from gcs.safety import OpenAlarms
 
@@ -40,8 +35,6 @@ LED_THERE_M, LED_AT_REST_M_S2 = 0.001, 0.001
 IN_SLOT_M = 0.01
 OVER_SPOT_M = 0.05
 SEEN_S = 0.1
-
-_GOALS = {Phase.GROUND: Goal.DISARM, Phase.ARMED: Goal.FLY, Phase.STOPPED: Goal.CUT}
 
 
 @dataclass(slots=True)
@@ -96,12 +89,12 @@ class Flight:
                 text = f"{name} is left out" if drone.excluded else f"{name} takes part again"
                 self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.EXCLUDED, subject=name))
 
-    def leave(self, body: str, spot_m: tuple[float, float], now_ns: int) -> None:
+    def leave(self, body: str, spot_m: tuple[float, float]) -> None:
         """Land that drone alone, there; the others fly on without it."""
         for drone in self._drones:
             if drone.link.name == body:
                 drone.leaving_to = spot_m
-                drone.lead_to(drone.setpoint, Goal.LEAVE, now_ns)
+                drone.floor.reset()
                 text = f"{body} lands alone at x {spot_m[0]:.2f}, y {spot_m[1]:.2f}"
                 self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.EXCLUDED, subject=body))
 
@@ -138,7 +131,7 @@ class Flight:
             Event(Severity.NOTICE, "flight", f"trajectory {trajectory}: {about}", code=EventCode.TRAJECTORY)
         )
 
-    def keep_shape(self, shape: Shape) -> None:
+    def choose_shape(self, shape: Shape) -> None:
         """Have the next start take up that shape."""
         self.shape = shape
 
@@ -179,7 +172,7 @@ class Flight:
         self.pull(Trigger.START, Cause.OPERATOR, "operator: home", now_ns)
         self.trajectory_start_ns, self._settled_since_ns = None, None
         self.change_formation(transition)
-        self._drones[0].setpoint = hold_setpoint(self.config.flight.formation_change_m_s)
+        self._drones[0].setpoint = Setpoint(Mode.LAB, HERE, speed_m_s=self.config.flight.formation_change_m_s)
 
     def resume(self, transition: Transition, now_ns: int) -> None:
         """Take up the formation, and have the leader go on along its trajectory where a hold interrupted it."""
@@ -226,42 +219,31 @@ class Flight:
         """Apply the verdict of the safety rules. rejected: why the mocap rejects each body's pose (Rejection)."""
         self.events += self.alarms.update(verdict.changes, rejected, now_ns)
         for drone in self._drones:
-            if verdict.cut[drone.index] and not drone.piloted:
-                drone.aim(Goal.CUT, now_ns)
+            if verdict.cut[drone.index]:
+                drone.enter(DroneTrigger.CUT, now_ns)
             elif verdict.release[drone.index]:
-                drone.release(now_ns)
+                drone.enter(DroneTrigger.RELEASE, now_ns)
         fault, trigger = verdict.fault, verdict.trigger
         if fault is not None and trigger is not None:
             text = self.alarms.text(fault, rejected, now_ns) if fault.began else fault.text
             self.pull(trigger, Cause.FAULT, text, now_ns)
 
     def update(self, stages: Stages | None, now_ns: int) -> None:
-        """Update the phase and every drone's goal. stages: of this tick's frame, if any."""
+        """Update the phase and every drone's stage. stages: of this tick's frame, if any."""
         if stages is not None and self.phase in AIRBORNE:
             self._detect_lift_off(stages)
         for drone in self._drones:
-            if drone.detect_pilot():
+            if drone.detect_pilot(now_ns):
                 name = drone.link.name
                 text = f"{name}: a pilot flies it ({drone.link.mode}), it is left alone"
                 self.events.append(Event(Severity.WARNING, "flight", text, code=EventCode.PILOT, subject=name))
-        match self.phase:
-            case Phase.ARMED:
-                self._watch_arming(stages, now_ns)
-            case Phase.TAKEOFF:
-                self._watch_take_off(stages, now_ns)
-            case Phase.FORMATION if stages is not None and self.trajectory_start_ns is None:
-                self._watch_slots(stages, now_ns)
-            case Phase.HOLD:
-                self._watch_joining(now_ns)
-            case Phase.LAND:
-                self._watch_landing(stages, now_ns)
+        PHASES[self.phase].watch(self, stages, now_ns)
         if stages is not None and self.phase in (Phase.HOLD, Phase.FORMATION):
             self._watch_leaving(stages, now_ns)
         for drone in self._drones:
-            if self.phase is not Phase.ARMED or now_ns - self.entered_ns >= STREAM_FIRST_NS:
-                drone.pursue(now_ns)
-            if (self.phase is Phase.GROUND or drone.goal is Goal.JOIN) and drone.reached:
-                drone.aim(Goal.LEAVE, now_ns)
+            drone.pursue(now_ns)
+            if (self.phase is Phase.GROUND or drone.stage is Stage.JOIN) and drone.reached:
+                drone.enter(DroneTrigger.DONE, now_ns)
 
     def _enter(self, phase: Phase, code: Cause, cause: str, now_ns: int) -> None:
         before, self.phase, self.entered_ns = self.phase, phase, now_ns
@@ -280,24 +262,23 @@ class Flight:
         entered = f"{before.name} -> {phase.name}: {cause}"
         self.events.append(Event(Severity.NOTICE, "flight", entered, code=EventCode.PHASE))
         for drone in self._drones:
-            if phase is Phase.ARMED:
-                drone.released = drone.lifted = drone.piloted = False
-                drone.link.texts.clear()
-                drone.aim(Goal.LEAVE, now_ns)
-            elif phase is Phase.STOPPED:
-                drone.aim(Goal.CUT, now_ns)
-            elif before is Phase.GROUND and phase is Phase.HOLD:
-                drone.take_over(now_ns)
-            elif before is Phase.GROUND and phase is Phase.LAND:
-                drone.let_down(now_ns)
-            elif drone.joining(now_ns):
-                drone.release(now_ns)
+            match before, phase:
+                case _, Phase.ARMED:
+                    drone.arm(now_ns)
+                case _, Phase.STOPPED:
+                    drone.enter(DroneTrigger.STOP, now_ns)
+                case Phase.GROUND, Phase.HOLD:
+                    drone.join(now_ns)
+                case Phase.GROUND, Phase.LAND:
+                    drone.land_alone(now_ns)
+                case _ if drone.joining(now_ns):
+                    drone.enter(DroneTrigger.RELEASE, now_ns)
             if drone.leaving_to is not None and phase in (Phase.HOLD, Phase.FORMATION):
                 continue
             drone.leaving_to = None
-            drone.lead_to(setpoint_in(phase, self.config.flight), _GOALS.get(phase, Goal.LEAVE), now_ns)
-            if phase is Phase.LAND and not drone.lifted:
-                drone.stay_down(now_ns)
+            drone.lead(PHASES[phase].setpoint(self.config.flight), PHASES[phase].drones, now_ns)
+            if phase is Phase.LAND and not drone.floor.lifted:
+                drone.stand(now_ns)
             if phase is Phase.LAND and before is Phase.GROUND:
                 drone.setpoint = IDLE  # its motion is not ours, and it is sent none
 
@@ -306,17 +287,17 @@ class Flight:
         positions_m, ages_s = stages.state.pos_lab_m.tolist(), stages.state.age_s.tolist()
         for drone, thrust_norm in zip(self._drones, stages.target.thrust_norm.tolist(), strict=True):
             x_m, y_m, z_m = positions_m[drone.index]
-            drone.detect_lift_off((x_m, y_m, z_m), ages_s[drone.index] < SEEN_S, thrust_norm)
+            drone.floor.detect_lift_off(drone.link, (x_m, y_m, z_m), ages_s[drone.index] < SEEN_S, thrust_norm)
             if steady and drone.leaving_to is None:
-                drone.update_flying_thrust(thrust_norm)
+                drone.floor.update_flying_thrust(thrust_norm)
 
     def _watch_arming(self, stages: Stages | None, now_ns: int) -> None:
         unready = [drone for drone in self._drones if not drone.reached]
         if stages is not None:
             self.start_yaw_rad = float(stages.state.yaw_rad[0])
             for drone in self._drones:
-                x_m, y_m, drone.rest_z_m = stages.state.pos_lab_m[drone.index].tolist()
-                drone.start_lab_m = x_m, y_m, drone.rest_z_m
+                x_m, y_m, z_m = stages.state.pos_lab_m[drone.index].tolist()
+                drone.start_lab_m, drone.floor.rest_z_m = (x_m, y_m, z_m), z_m
                 drone.link.own_estimate.settle(stages.state.pos_lab_m[drone.index], now_ns)
         if not unready:
             self._watch_countdown(now_ns)
@@ -348,7 +329,7 @@ class Flight:
     def _watch_take_off(self, stages: Stages | None, now_ns: int) -> None:
         """A drone that disarms on the floor ends the take-off for all; those in the air land, it is not in the air."""
         for drone in self._drones:
-            if drone.flown and not drone.lifted and not drone.link.armed:
+            if drone.flown and not drone.floor.lifted and not drone.link.armed:
                 cause = drone.idle_disarm_text or f"{drone.link.name} is disarmed, still on the floor"
                 self.pull(Trigger.LAND, Cause.DISARMED, cause, now_ns)
                 return
@@ -360,15 +341,17 @@ class Flight:
         if are_at_height(stages, flown, [self._drones[i].index for i in flown], self.config.flight.altitude_m):
             self.pull(Trigger.AT_HEIGHT, Cause.AT_HEIGHT, "every drone is at its height", now_ns)
 
-    def _watch_joining(self, now_ns: int) -> None:
+    def _watch_joining(self, _stages: Stages | None, now_ns: int) -> None:
         """A drone that began to land while it was being taken over is not led up again."""
         for drone in self._drones:
-            if drone.goal is Goal.JOIN and drone.is_coming_down:
+            if drone.stage is Stage.JOIN and drone.is_coming_down:
                 self.pull(Trigger.LAND, Cause.LANDS_ITSELF, f"{drone.link.name} has begun to land meanwhile", now_ns)
                 return
 
-    def _watch_slots(self, stages: Stages, now_ns: int) -> None:
+    def _watch_slots(self, stages: Stages | None, now_ns: int) -> None:
         """Start the leader's trajectory once every slot has been taken for a second."""
+        if stages is None or self.trajectory_start_ns is not None:
+            return
         if float(slot_distances_m(stages, self.shape)[self.forming].max()) > IN_SLOT_M:
             self._settled_since_ns = None
         elif self._settled_since_ns is None:
@@ -409,12 +392,12 @@ class Flight:
 
     def _watch_landing(self, stages: Stages | None, now_ns: int) -> None:
         if stages is not None:
-            self._lead_down(stages)
+            self._lead_down(stages, now_ns)
             for i in range(len(self._drones)):
                 self._watch_descent(i, stages, now_ns)
         for drone in self._drones:  # a drone that lands or holds by itself does not follow
-            if drone.link.armed and not drone.link.offboard and not drone.touched and not drone.joining(now_ns):
-                drone.release(now_ns)
+            if drone.link.armed and not drone.link.offboard and not drone.floor.touched and not drone.joining(now_ns):
+                drone.enter(DroneTrigger.RELEASE, now_ns)
         if not any(drone.is_awaited_down(now_ns) for drone in self._drones):
             self._finish_landing(landed_text(self._participants, now_ns), now_ns)
         elif stages is not None or now_ns - self.entered_ns > FIRST_FRAME_NS:
@@ -423,8 +406,9 @@ class Flight:
     def _watch_descent(self, i: int, stages: Stages, now_ns: int) -> None:
         drone = self._drones[i]
         vz_m_s, above_m = float(stages.state.vel_lab_m_s[drone.index, 2]), float(stages.command.e_lead_m[i, 2])
-        drone.detect_touch_down(vz_m_s, above_m, float(stages.target.thrust_norm[i]), now_ns)
-        if drone.flown and drone.is_not_descending(above_m, now_ns):
+        if drone.floor.detect_touch_down(drone.link, vz_m_s, above_m, float(stages.target.thrust_norm[i]), now_ns):
+            drone.stand(now_ns)
+        if drone.flown and drone.floor.is_not_descending(above_m, now_ns):
             self._hand_over(drone, "does not come down", now_ns)
 
     def _watch_leaving(self, stages: Stages, now_ns: int) -> None:
@@ -432,7 +416,7 @@ class Flight:
         for i, drone in enumerate(self._drones):
             if drone.leaving_to is None:
                 continue
-            self._lead_over_and_down(drone, stages.state.pos_lab_m[drone.index], drone.leaving_to)
+            self._lead_over_and_down(drone, stages.state.pos_lab_m[drone.index], drone.leaving_to, now_ns)
             self._watch_descent(i, stages, now_ns)
             if drone.is_landed or drone.piloted:
                 drone.excluded, drone.leaving_to = not drone.piloted, None
@@ -447,7 +431,7 @@ class Flight:
         if self.phase not in (Phase.GROUND, Phase.STOPPED):
             return ()
         known = (d for d in self._drones if d.link.telemetry.heartbeat is not None and (d.link.armed or not d.excluded))
-        return tuple(d.link.name for d in known if d.goal in (Goal.LAND, Goal.CUT) and not d.is_landed)
+        return tuple(d.link.name for d in known if d.stage in (Stage.RELEASED, Stage.CUT) and not d.is_landed)
 
     def _finish_landing(self, text: str, now_ns: int) -> None:
         """End it; text: what is known of the drones, which is an alarm unless each has landed or has a pilot."""
@@ -465,11 +449,11 @@ class Flight:
             text = late_text(self._participants, now_ns)
             for drone in self._drones:
                 if drone.is_awaited_down(now_ns):
-                    drone.release(now_ns)
+                    drone.enter(DroneTrigger.RELEASE, now_ns)
             self._finish_landing(text, now_ns)
         elif now_ns >= self._descent.hand_over_ns:
             for drone in self._drones:
-                if drone.flown and not drone.touched:
+                if drone.flown and not drone.floor.touched:
                     self._hand_over(drone, "has not landed in time", now_ns)
 
     def _hand_over(self, drone: Drone, why: str, now_ns: int) -> None:
@@ -477,24 +461,27 @@ class Flight:
         name = drone.link.name
         text = f"{name} {why}: commanded to land by itself"
         self.events.append(Event(Severity.ERROR, "flight", text, code=EventCode.RELEASED, subject=name))
-        drone.release(now_ns)
+        drone.enter(DroneTrigger.RELEASE, now_ns)
 
-    def _lead_down(self, stages: Stages) -> None:
+    def _lead_down(self, stages: Stages, now_ns: int) -> None:
         """Straight down; but aside first, at its height, for a drone under which another will stand."""
         at_m = stages.state.pos_lab_m[[drone.index for drone in self._drones]]
         if self._spots is None:
             self._spots = landing_spots(at_m, self.config.limits)
         for drone, here, spot in zip(self._drones, at_m, self._spots, strict=True):
-            self._lead_over_and_down(drone, here, spot)
+            self._lead_over_and_down(drone, here, spot, now_ns)
 
-    def _lead_over_and_down(self, drone: Drone, here: Vec3, spot_m: Sequence[float]) -> None:
+    def _lead_over_and_down(self, drone: Drone, here: Vec3, spot_m: Sequence[float], now_ns: int) -> None:
         flight, (x_m, y_m) = self.config.flight, map(float, spot_m)
-        if drone.descending or drone.touched or not drone.flown:
+        if drone.stage is not Stage.FOLLOW or drone.floor.touched or not drone.flown:
             return
         if hypot(here[0] - x_m, here[1] - y_m) < OVER_SPOT_M:
-            drone.setpoint, drone.descending = land_setpoint(drone.rest_z_m, flight.descend_m_s), True
+            # Straight down, to well under the floor: the floor ends it.
+            down_m = (None, None, drone.floor.rest_z_m - 1.0)
+            drone.setpoint = Setpoint(Mode.LAB, down_m, speed_m_s=flight.descend_m_s)
+            drone.enter(DroneTrigger.OVER_SPOT, now_ns)
         else:
-            drone.setpoint = aside_setpoint(x_m, y_m, flight.climb_m_s)
+            drone.setpoint = Setpoint(Mode.LAB, (x_m, y_m, None), speed_m_s=flight.climb_m_s)
 
 
 def armed_text(flight: Flight, now_ns: int) -> str:
@@ -513,17 +500,46 @@ def done_text(flight: Flight) -> str:
     return f"phase {flight.phase.name}, shape {flight.shape.name}{trajectory}{without}{after}"
 
 
-def setpoint_in(phase: Phase, flight: FlightConfig) -> Setpoint:
-    """What every drone is led to in a phase."""
-    match phase:
-        case Phase.TAKEOFF:
-            return take_off_setpoint(flight.altitude_m, flight.climb_m_s)
-        case Phase.FORMATION:
-            return Setpoint(Mode.FORMATION, speed_m_s=flight.formation_change_m_s)
-        case Phase.HOLD | Phase.LAND:  # a landing begins where its first frame sees everybody
-            return hold_setpoint(flight.climb_m_s)
-        case _:
-            return IDLE
+class PhaseRow(NamedTuple):
+    """drones: what every drone's stage is triggered by as the phase begins. setpoint: to what each is led then.
+
+    watch: looks in every tick for what ends the phase.
+    """
+
+    drones: DroneTrigger
+    setpoint: Callable[[FlightConfig], Setpoint]
+    watch: Callable[[Flight, Stages | None, int], None] = lambda _flight, _stages, _now_ns: None
+
+
+def _idle(_: FlightConfig) -> Setpoint:
+    return IDLE
+
+
+def _take_off(flight: FlightConfig) -> Setpoint:
+    return Setpoint(Mode.LAB, (None, None, flight.altitude_m), speed_m_s=flight.climb_m_s)
+
+
+def _form(flight: FlightConfig) -> Setpoint:
+    return Setpoint(Mode.FORMATION, speed_m_s=flight.formation_change_m_s)
+
+
+def _brake(flight: FlightConfig) -> Setpoint:
+    """Brake, and stay; a landing begins where its first frame sees everybody."""
+    return Setpoint(Mode.LAB, HERE, speed_m_s=flight.climb_m_s)
+
+
+PHASES: Mapping[Phase, PhaseRow] = MappingProxyType(
+    {
+        Phase.GROUND: PhaseRow(DroneTrigger.DISARM, _idle),
+        Phase.ARMED: PhaseRow(DroneTrigger.ARM, _idle, Flight._watch_arming),
+        Phase.TAKEOFF: PhaseRow(DroneTrigger.LEAD, _take_off, Flight._watch_take_off),
+        Phase.FORMATION: PhaseRow(DroneTrigger.LEAD, _form, Flight._watch_slots),
+        Phase.HOLD: PhaseRow(DroneTrigger.LEAD, _brake, Flight._watch_joining),
+        Phase.LAND: PhaseRow(DroneTrigger.LEAD, _brake, Flight._watch_landing),
+        Phase.STOPPED: PhaseRow(DroneTrigger.STOP, _idle),
+    }
+)
+"""A new phase is a row here, and its entries in formation.safety.phases.TABLE."""
 
 
 def are_at_height(stages: Stages, flown: Sequence[int], bodies: Sequence[int], height_m: float) -> bool:

@@ -118,7 +118,7 @@ def leave(body: str, flight: Flight, stages: Stages | None, now_ns: int) -> Judg
     here_m, own = stages.state.pos_lab_m[:, :2], bodies.index(body)
     paths_m = np.vstack((ahead.leader[:, 0, :2], ahead.slots[:, others, 0, :2].reshape(-1, 2)))
     spot = free_spot(here_m[own], np.vstack((np.delete(here_m, own, axis=0), paths_m)), config.limits)
-    return Judged(apply=partial(flight.leave, body, (float(spot[0]), float(spot[1])), now_ns))
+    return Judged(apply=partial(flight.leave, body, (float(spot[0]), float(spot[1]))))
 
 
 def start(at: str, flight: Flight, stages: Stages, now_ns: int) -> Judged:
@@ -161,7 +161,7 @@ def change(asked: str, flight: Flight, facts: Facts, stages: Stages | None, now_
         return Judged(reasons)
     if forming and stages is not None:
         return _set_out(shape, flight, stages, flight.change_formation)
-    return Judged(apply=partial(flight.keep_shape, shape))
+    return Judged(apply=partial(flight.choose_shape, shape))
 
 
 def choose(asked: str, flight: Flight, facts: Facts, stages: Stages | None) -> Judged:

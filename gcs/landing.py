@@ -8,7 +8,8 @@ import numpy as np
 
 from formation.config import LabConfig, LimitsConfig
 from formation.maths.arrays import Float
-from gcs.drones.drone import NEAR_FLOOR_M, Drone
+from gcs.drones.drone import Drone
+from gcs.drones.land_detector import NEAR_FLOOR_M
 
 CLEARANCE = 1.5  # of the minimum separation: drones on the floor are not led any more
 RINGS, DIRECTIONS = 12, 16
@@ -72,7 +73,7 @@ class Descent:
 def descent(drones: Iterable[Drone], config: LabConfig, begun_ns: int) -> Descent:
     """The times of a landing that began then; a drone whose height is not known is taken to be under the ceiling."""
     ceiling_m = config.limits.fence.high_m[2]
-    heights_m = [ceiling_m if math.isnan(drone.height_m) else drone.height_m for drone in drones]
+    heights_m = [ceiling_m if math.isnan(drone.floor.height_m) else drone.floor.height_m for drone in drones]
     descent_s = max(0.0, *heights_m) / config.flight.descend_m_s
     return Descent(begun_ns + round((descent_s + HAND_OVER_S) * 1e9), begun_ns + round((descent_s + END_S) * 1e9))
 
@@ -111,8 +112,8 @@ def _state(drone: Drone, now_ns: int) -> str:
 
 def _last_seen(drone: Drone) -> str:
     """Where the mocap last saw it."""
-    if drone.last_seen_lab_m is None:
+    if drone.floor.last_seen_lab_m is None:
         return "never seen by the mocap"
-    x_m, y_m, z_m = drone.last_seen_lab_m
-    where = "on the floor" if z_m - drone.rest_z_m < NEAR_FLOOR_M else "in the air"
+    x_m, y_m, z_m = drone.floor.last_seen_lab_m
+    where = "on the floor" if z_m - drone.floor.rest_z_m < NEAR_FLOOR_M else "in the air"
     return f"last seen {where} at x {x_m:.2f}, y {y_m:.2f}, z {z_m:.2f} m"

@@ -18,7 +18,8 @@ from formation.safety.phases import PHASES_FOR, meant
 from formation.safety.rules import Facts, nearest, outside_box
 from formation.safety.rules_table import BATTERY_LOW, HEARTBEAT_S, UNSEEN_S
 from gcs.drones.autopilot_model import HOVER_WITHIN, ParameterRule
-from gcs.drones.drone import AIRBORNE_STATES, TAKE_OFF_S, Drone
+from gcs.drones.drone import TAKE_OFF_S, Drone
+from gcs.drones.land_detector import AIRBORNE_STATES
 from gcs.drones.link_state import DroneLink
 from gcs.flight import Flight
 from gcs.safety import ARM_IN_AIR, ARM_OTHER_GROUND, Host

@@ -13,6 +13,7 @@ from formation.maths.arrays import Float, Scalars
 from formation.maths.frames import rotate_about_z
 from formation.messages import Phase, Verb
 from formation.reasons import Reject
+from formation.safety.phases import STREAMING
 from formation.safety.rules import Facts
 from formation.safety.rules_table import UNSEEN_S
 from gcs.drones.drone import Drone
@@ -45,7 +46,7 @@ def ground_state(
     now_ns: int,
 ) -> GroundState:  # fmt: skip
     """The whole state but the host's part, for people and scripts."""
-    numbers = _Numbers(facts, stages, config)
+    numbers = _Numbers(facts, stages, config, leads=flight.phase in STREAMING)
     start, arming = flight.trajectory_from, about.allowed[Verb.ARM] if flight.phase is Phase.GROUND else ()
     return GroundState(
         phase=flight.phase,
@@ -88,7 +89,8 @@ def ground_state(
 class _Numbers:
     """The numbers of the n bodies and the m references in the state; rounded all at once, not one at a time."""
 
-    def __init__(self, facts: Facts, stages: Stages | None, config: LabConfig) -> None:
+    def __init__(self, facts: Facts, stages: Stages | None, config: LabConfig, *, leads: bool) -> None:
+        """leads: whether drones are led anywhere now; else there are no references."""
         n = len(facts.names)
         self.seen = seen = (facts.age_s <= UNSEEN_S).tolist()  # a longer extrapolation is no position
         self.pos = _seen_rows(facts.pos_lab_m, seen)
@@ -97,7 +99,7 @@ class _Numbers:
         self.leader_yaw_rad: float | None = None
         if stages is not None:
             self.q = _seen_rows(stages.state.q_lab_from_flu, seen)
-            self.reference = list(map(tuple, reference_lab_m(stages).round(3).tolist()))
+            self.reference = list(map(tuple, reference_lab_m(stages).round(3).tolist())) if leads else None
             self.leader_yaw_rad = round(float(stages.state.yaw_rad[0]), 4) if seen[0] else None
         fence = config.limits.fence
         walls = np.hstack((facts.pos_lab_m - np.array(fence.low_m), np.array(fence.high_m) - facts.pos_lab_m))
@@ -136,15 +138,15 @@ def _drone_state(drone: Drone, m: int, numbers: _Numbers, rejected: str | None, 
         armed=link.armed,
         disarms_in_s=None if disarms_in_s is None else round(disarms_in_s, 1),
         mode=link.mode,
-        goal=drone.goal.value,
+        goal=drone.row.goal,
         piloted=drone.piloted,
         landed=link.telemetry.landed.name,
-        stopped_ms=None if stopped_ns is None else round((stopped_ns - drone.goal_since_ns) * 1e-6, 1),
+        stopped_ms=None if stopped_ns is None else round((stopped_ns - drone.since_ns) * 1e-6, 1),
         pos_lab_m=numbers.pos[i],
         q_lab_from_flu=numbers.q[i],
         reference_lab_m=None if numbers.reference is None or not drone.flown else numbers.reference[m],
         error_m=numbers.error_m[i],
-        fence_margin_m=numbers.fence_margin_m(i, stands=not (link.armed and drone.lifted)),
+        fence_margin_m=numbers.fence_margin_m(i, stands=not (link.armed and drone.floor.lifted)),
         age_s=numbers.age_s[i],
         heartbeat_age_s=numbers.heartbeat_age_s[i],
         battery=numbers.battery[i],

@@ -52,7 +52,7 @@ from formation.vehicle.body import GRAVITY_M_S2, MASS, NUMBERS
 from formation.vehicle.profile import VehicleState, at_rest, on_ground
 from gcs.core import own_laws
 from gcs.drones.telemetry import SpecificForce
-from gcs.flight import IN_SLOT_M, SETTLE_NS, are_at_height, setpoint_in, slot_distances_m
+from gcs.flight import IN_SLOT_M, PHASES, SETTLE_NS, are_at_height, slot_distances_m
 from gcs.safety import FactGatherer
 from mocap.alignment import Alignment
 from sim import lockstep
@@ -374,7 +374,7 @@ class Ground:
     def plan_in(self, phase: Phase) -> Plan:
         """The phase begins: it is recorded, and every drone led as it says."""
         self.record(topics.PHASE, PhaseChange(phase, "", Cause.OPERATOR))
-        return Plan((setpoint_in(phase, self.lab.flight),) * len(self.lab.commanded), configured(self.lab))
+        return Plan((PHASES[phase].setpoint(self.lab.flight),) * len(self.lab.commanded), configured(self.lab))
 
     def record(self, topic: Topic, message: object) -> None:
         """Record a message now."""

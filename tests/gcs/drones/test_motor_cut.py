@@ -1,7 +1,8 @@
 """A motor cut as one drone is asked for it: repeated until the drone's own heartbeat says that its motors are off."""
 
-from gcs.drones.drone import Drone, Goal
+from gcs.drones.drone import Drone
 from gcs.drones.link_state import DroneLink
+from gcs.drones.stages import Trigger
 from tests.gcs.link import MS, a_link, beat
 from tests.gcs.link import Drone as Autopilot
 from wire.link_messages import GROUND, CommandAck, CommandLong, MavCommand, Result
@@ -22,7 +23,7 @@ def test_a_heartbeat_alone_ends_a_motor_cut_and_dates_it():
     drone = Drone(0, link)
     autopilot.say(link, beat(armed=True), 0)
     _sent(drone, link, 5)
-    drone.aim(Goal.CUT, 10 * MS)
+    drone.enter(Trigger.STOP, 10 * MS)
     assert _sent(drone, link, 10) == [CUT]
     autopilot.say(link, CommandAck(GROUND, 400, Result.ACCEPTED), 12 * MS)  # of `arm`, asked for just before
     for ms in range(20, 500, 10):

@@ -6,8 +6,9 @@ import numpy as np
 
 from formation.config import VehicleBody
 from formation.vehicle.profile import profile
-from gcs.drones.drone import Drone, Goal
+from gcs.drones.drone import Drone
 from gcs.drones.link_state import DroneLink
+from gcs.drones.stages import Trigger
 from wire.link_messages import Address, CommandAck, CommandLong, Heartbeat, MavAutopilot, MavCommand, Result
 from wire.mavlink.codec import Codec
 
@@ -33,7 +34,7 @@ class Trial:
         link, now_ns = self._drone.link, 0
         link.receive(self._codec.encode(self._heartbeat()), -1)
         beat_ns = int(self._rng.integers(HEARTBEAT_NS))
-        self._drone.aim(Goal.CUT, 0)
+        self._drone.enter(Trigger.STOP, 0)
         while now_ns < GIVE_UP_NS:
             self._drone.pursue(now_ns)
             for message in link.due(now_ns):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gcs.drones.drone import Drone
+from gcs.drones.land_detector import LandDetector
 from tests.gcs.fakes import PX4_OFFBOARD
 from tests.gcs.link import Drone as OtherEnd
 from tests.gcs.link import a_link, beat
@@ -15,12 +15,11 @@ FALLING_M_S = -0.47
 def landed_after_s(heights_m: np.ndarray, rate_hz: float, mode: int = PX4_OFFBOARD) -> float | None:
     link = a_link()
     OtherEnd().say(link, beat(armed=True, mode=mode))
-    drone, low = Drone(1, link, lifted=True), 0.5 * link.hover_thrust_norm
+    floor, low = LandDetector(lifted=True), 0.5 * link.hover_thrust_norm
     for k, height_m in enumerate(heights_m.tolist()):
         now_ns = round(k / rate_hz * 1e9)
-        drone.detect_lift_off((0.0, 0.0, height_m), True, low)
-        drone.detect_touch_down(FALLING_M_S, 0.3, low, now_ns)
-        if drone.touched:
+        floor.detect_lift_off(link, (0.0, 0.0, height_m), True, low)
+        if floor.detect_touch_down(link, FALLING_M_S, 0.3, low, now_ns):
             return now_ns * 1e-9
     return None
 

@@ -255,7 +255,7 @@ class GcsCore:
             bad_bytes=sum(link.codec.bad_bytes for link in links),
             bad_packets=sum(link.codec.bad_packets for link in links),
             lost_packets=sum(link.sequence.lost for link in links),
-            superseded_packets=sum(link.superseded for link in links),
+            superseded_packets=sum(link.sequence.superseded for link in links),
             stray_datagrams=self._strays,
         )
 
@@ -371,14 +371,13 @@ class GcsCore:
         if self._rejected_frames.has_pending:
             events += self._rejected_frames.due(self._tick_ns)
         for drone in self._drones:
-            if drone.link.events or not drone.checked:
-                events += self._pop_events(drone)
+            events += self._pop_events(drone)
         return (*records, *((topics.EVENT, event) for event in events))
 
     def _pop_events(self, drone: Drone) -> list[Event]:
         """The drone's events since the last tick; once its parameters are read, also warnings about them."""
         link = drone.link
-        events, link.events = link.events, []
+        events = link.reports.pop(self._tick_ns)
         if not drone.checked and link.model is not None and not link.parameters.reading:
             drone.checked = True
             events += [

@@ -565,5 +565,5 @@ def _why_not_armed(drone: Drone) -> str:
     link = drone.link
     wanted = "armed" if link.offboard else "off-board"
     answers = ", ".join(str(answer) for answer in list(link.commands.answers.values())[-1:])
-    words = f"; it says: {' / '.join(dict.fromkeys(link.texts))}" if link.texts else ""
+    words = f"; it says: {' / '.join(dict.fromkeys(link.reports.texts))}" if link.reports.texts else ""
     return f"{link.name} is not {wanted} ({answers or 'nothing asked'}{words})"

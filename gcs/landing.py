@@ -104,7 +104,7 @@ def _states(drones: Iterable[Drone], now_ns: int) -> str:
 
 
 def _state(drone: Drone, now_ns: int) -> str:
-    silent_s = drone.link.silent_s(now_ns)
+    silent_s = drone.link.ages(now_ns).silent_s
     if silent_s > 1.0:
         return f"unheard for {silent_s:.0f} s, {_last_seen(drone)}" if math.isfinite(silent_s) else "never heard"
     return f"is still armed, in {drone.link.mode}" if drone.link.armed else "has not said that it is disarmed"

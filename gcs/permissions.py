@@ -57,7 +57,7 @@ class Situation:
     @property
     def unheard(self) -> tuple[Drone, ...]:
         """Drones of this flight whose last heartbeat is too old."""
-        return tuple(d for d in self.participants if d.link.heartbeat_age_s(self.now_ns) > HEARTBEAT_S)
+        return tuple(d for d in self.participants if d.link.ages(self.now_ns).heartbeat_s > HEARTBEAT_S)
 
 
 Condition = Callable[[Situation], Iterable[Reject]]
@@ -162,8 +162,8 @@ def autopilots_ready(now: Situation) -> Iterator[Reject]:
 
 def autopilot_reasons(link: DroneLink) -> Iterator[Reject]:
     """Every reason of one drone's link and parameters against flying it; the rules are the autopilot model's."""
-    if link.foreign_sysid is not None:
-        yield Reason.FOREIGN_DRONE.of(link.name, link.foreign_sysid, link.sysid)
+    if link.telemetry.foreign_sysid is not None:
+        yield Reason.FOREIGN_DRONE.of(link.name, link.telemetry.foreign_sysid, link.sysid)
     if link.telemetry.heartbeat is None:
         return  # `bodies_ready` reports a missing heartbeat
     if link.model is None:
@@ -268,7 +268,7 @@ def all_stopped(now: Situation) -> Iterator[Reject]:
         if drone.link.armed:
             yield Reason.ARMED.of(drone.link.name)
     for drone in now.unheard:
-        yield Reason.MAY_BE_ARMED.of(drone.link.name, _ago(drone.link.heartbeat_age_s(now.now_ns)))
+        yield Reason.MAY_BE_ARMED.of(drone.link.name, _ago(drone.link.ages(now.now_ns).heartbeat_s))
 
 
 def leader_commanded(now: Situation) -> Iterator[Reject]:

@@ -105,10 +105,10 @@ def _first_cause(change: FaultChange, link: DroneLink, rejected: int, now_ns: in
     if link.guard_words(now_ns):
         return f"its guard: {link.guard_words(now_ns)}"
     if change.rule.measure is not Measure.UNSEEN_S:
-        return "nothing is heard of it" if link.silent_s(now_ns) > UNHEARD_S else ""
+        return "nothing is heard of it" if link.ages(now_ns).silent_s > UNHEARD_S else ""
     if rejected:
         return f"the mocap rejects its pose: {rejection_text(rejected)}"
-    late = link.behind_s(now_ns) > BEHIND_HOLD_S
+    late = link.ages(now_ns).behind_s > BEHIND_HOLD_S
     return "its telemetry comes late: a slow link, or a busy computer" if late else ""
 
 
@@ -159,13 +159,13 @@ class OpenAlarms:
 
     def _is_unheard(self, vehicle: int, now_ns: int) -> bool:
         drone = self._drones.get(vehicle)
-        return drone is not None and drone.link.silent_s(now_ns) > SILENT_S
+        return drone is not None and drone.link.ages(now_ns).silent_s > SILENT_S
 
 
 MEMORY_S = 1.0
 _NO_AGES = (0.0, 0.0, math.nan, math.nan)
 _REPORTED = (True, True, False)
-"""A body without a link: its ages as of `DroneLink.ages_s`; armed, off-board, and that its address is used twice."""
+"""A body without a link: its ages as of `DroneLink.ages`; armed, off-board, and that its address is used twice."""
 
 
 @dataclass(slots=True)
@@ -212,7 +212,7 @@ class FactGatherer:
             self.attitudes.receive_frame(frame)
         which, stamps_ns, attitudes = list[int](), list[int](), list[Quat]()
         for drone in self._drones:
-            own = drone.link.attitudes
+            own = drone.link.own_estimate.attitudes
             for t_ns, q_lab_from_flu in own:
                 which.append(drone.index)
                 stamps_ns.append(t_ns)
@@ -238,7 +238,7 @@ class FactGatherer:
         for drone in self._drones:
             i, link = drone.index, drone.link
             excluded[i], landing[i] = drone.excluded, drone.leaving_to is not None
-            ages_s[i] = link.ages_s(now_ns)
+            ages_s[i] = link.ages(now_ns)
             battery[i] = link.telemetry.battery
             own_tilt[i], own_pos[i] = link.own_estimate.at(now_ns)
             reported[i] = (link.armed, link.offboard or drone.joining(now_ns), link.sequence.duplicate(now_ns))

@@ -144,7 +144,7 @@ class Survey:
         """All bodies over the next moment: mean positions, newest attitudes; and those that the autopilots report."""
         self.received.clear()
         for link in self.drones.values():
-            link.attitudes.clear()
+            link.own_estimate.attitudes.clear()
         await asyncio.sleep(SNAPSHOT_NS * 1e-9)
         n = len(self.config.vehicles)
         pos, count, q = np.zeros((n, 3)), np.zeros(n), np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
@@ -152,7 +152,8 @@ class Survey:
             pos[frame.seen] += frame.pos_lab_m[frame.seen]
             q[frame.seen] = frame.q_lab_from_flu[frame.seen]
             count += frame.seen
-        own = {sysid: link.attitudes[-1][1] for sysid, link in self.drones.items() if link.attitudes}
+        estimates = {sysid: link.own_estimate for sysid, link in self.drones.items()}
+        own = {sysid: estimate.attitudes[-1][1] for sysid, estimate in estimates.items() if estimate.attitudes}
         return Snapshot(pos / np.maximum(count, 1.0)[:, None], q, count > 0.0, own)
 
     async def have_moved(self, prompt: Prompt) -> tuple[Moves, ...]:
@@ -236,7 +237,7 @@ class Survey:
                 round_trip_s=link.clock.round_trip_s,
                 clock_offset_s=None if offset_ns is None else offset_ns * 1e-9,
                 duplicate=link.sequence.duplicate(clock.monotonic_ns()),
-                foreign_sysid=link.foreign_sysid,
+                foreign_sysid=link.telemetry.foreign_sysid,
                 battery=link.telemetry.battery,
                 awaiting_restart=tuple((name, restart_text(link)) for name in link.awaiting_restart),
                 names_profile=sysid in named,

@@ -62,7 +62,7 @@ class Drone:
     def reached(self) -> bool:
         """Whether the drone has reported its stage's goal since it began."""
         reached = ROWS[self.stage].reached
-        return reached is None or (self.link.heartbeat_ns > self.since_ns and reached(self.link))
+        return reached is None or (self.link.telemetry.heartbeat_ns > self.since_ns and reached(self.link))
 
     @property
     def flown(self) -> bool:
@@ -106,7 +106,7 @@ class Drone:
 
     def is_lost(self, now_ns: int) -> bool:
         """Whether it fell silent before it reported that its motors are off, and is sent no setpoints any more."""
-        silent_ns = now_ns - max(self.link.received_ns, self.since_ns)
+        silent_ns = now_ns - max(self.link.telemetry.received_ns, self.since_ns)
         return self.stage in (Stage.RELEASED, Stage.CUT) and not self.reached and silent_ns > GONE_NS
 
     def is_awaited_down(self, now_ns: int) -> bool:
@@ -145,7 +145,7 @@ class Drone:
         """
         link, lasted_ns = self.link, now_ns - self.since_ns
         if self.stage is Stage.CUT:  # an acknowledgement may be another command's; armed again is not stopped
-            self.stopped_ns = (self.stopped_ns or link.heartbeat_ns) if self.reached else None
+            self.stopped_ns = (self.stopped_ns or link.telemetry.heartbeat_ns) if self.reached else None
         if self.stage is Stage.DISARM and not self.reached:
             if self.floor.touched and link.telemetry.landed in AIRBORNE_STATES and lasted_ns < OWN_LANDING_NS:
                 return  # it would refuse: its own landing detector has not seen yet what the mocap saw
@@ -181,7 +181,7 @@ class Drone:
     def arm(self, now_ns: int) -> None:
         """A flight begins, for who takes part."""
         self.floor.lifted = False
-        self.link.texts.clear()
+        self.link.reports.texts.clear()
         self.enter(Trigger.REST if self.excluded else Trigger.ARM, now_ns)
 
     def join(self, now_ns: int) -> None:

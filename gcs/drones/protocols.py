@@ -255,6 +255,8 @@ class BootParameters:
     Right by now and not when it booted: a restart is missing. What others write while nobody here looks is not seen.
     """
 
+    back_ns: int | None = None
+    """When it was back after a silence in which it may have restarted."""
     _unmet_ns: dict[str, int] = field(default_factory=dict)
 
     def note_unmet(self, name: str, t_ns: int) -> None:

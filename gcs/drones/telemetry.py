@@ -14,7 +14,7 @@ from math import exp
 import numpy as np
 
 from formation.maths.arrays import Quat, Vec3
-from formation.messages import FORCE_MOST_M_S2
+from formation.messages import FORCE_MOST_M_S2, Event, Severity
 from formation.model import Vec3Tuple
 from wire.autopilots.table import FlightMode
 from wire.link_messages import (
@@ -26,6 +26,7 @@ from wire.link_messages import (
     MavType,
     MessageId,
 )
+from wire.rejections import RejectionLog
 
 MODULO = 256
 FORWARD = 128  # a step this long or longer is a step back: a packet overtaken on the way
@@ -63,6 +64,8 @@ PILOTED = frozenset(
      FlightMode.HOLD}
 )  # fmt: skip
 FRESH_NS = 300_000_000
+ATTITUDES = 8
+WORDS_A_SECOND = 20
 NOWHERE: Vec3Tuple = (math.nan, math.nan, math.nan)
 
 
@@ -98,7 +101,10 @@ class SequenceMonitor:
 
     received: int = 0
     lost: int = 0
+    superseded: int = 0
+    """Packets that its link dropped unread, for newer ones."""
     _skipped: int = 0
+    _misaddressed: int = 0
     _stream: _Stream | None = None
     _other: _Stream | None = None
     _turns: float = 0.0
@@ -117,10 +123,16 @@ class SequenceMonitor:
             return False
         return self._turns * exp(-(now_ns - self._noted_ns) * 1e-9 / MEMORY_S) >= TURNS
 
-    def note(self, seq: int, now_ns: int, skipped: int = 0) -> None:
-        """A packet with this number came; `skipped` others came since the last, before it or after, not for us."""
+    def skip(self, superseded: int) -> None:
+        """So many packets were dropped unread since the last."""
+        self.superseded += superseded
+        self._skipped += superseded
+
+    def note(self, seq: int, now_ns: int, misaddressed: int = 0) -> None:
+        """A packet with this number came; misaddressed: how many came so far that were for others."""
         self.received += 1
-        self._skipped += skipped
+        self._skipped += misaddressed - self._misaddressed
+        self._misaddressed = misaddressed
         if self._stream is None:
             self._stream, self._noted_ns = _Stream(seq, now_ns), now_ns
             return
@@ -166,6 +178,36 @@ class SequenceMonitor:
         self._packets = self._packets * fade + 1.0
 
 
+@dataclass(slots=True)
+class Reports:
+    """What operators are told of one drone: its texts and ours of it; beyond WORDS_A_SECOND they are counted only."""
+
+    name: str
+    events: list[Event] = field(default_factory=list)
+    texts: deque[str] = field(default_factory=lambda: deque(maxlen=4))
+    """Its own newest, since they were last cleared."""
+    rejections: RejectionLog = field(default_factory=RejectionLog)
+    _second_ns: int = NEVER_NS
+    _count: int = 0
+
+    def add(self, severity: Severity, text: str, now_ns: int) -> None:
+        """Add an event of this drone."""
+        if now_ns - self._second_ns >= 1_000_000_000:
+            self._second_ns, self._count = now_ns, 0
+        self._count += 1
+        if self._count > WORDS_A_SECOND:
+            self.rejections.note(self.name, f"texts beyond {WORDS_A_SECOND} a second", now_ns)
+        else:
+            self.events.append(Event(severity, self.name, text))
+
+    def pop(self, now_ns: int) -> list[Event]:
+        """The events since the last call."""
+        if not self.events and not self.rejections.has_pending:
+            return []
+        events, self.events = [*self.events, *self.rejections.due(now_ns)], []
+        return events
+
+
 def ground_heartbeat(session: int) -> Heartbeat:
     """A ground's own heartbeat; its custom_mode holds the ground session."""
     return Heartbeat(MavAutopilot.INVALID, MavType.GCS, 0, session & 0xFFFFFFFF, MavState.ACTIVE)
@@ -175,8 +217,10 @@ class SpecificForce:
     """The specific force that a drone's accelerometer measured lately: body FLU, m/s^2, on our clock."""
 
     def __init__(self) -> None:
-        self.received_ns = NEVER_NS
-        """When the last measurement came."""
+        self.received_ns = self.asked_ns = NEVER_NS
+        """When the last measurement came, and when the stream was last asked for."""
+        self.is_missing = False
+        """Whether it was reported that none comes."""
         self._samples: deque[tuple[int, Vec3]] = deque(maxlen=FORCES)
         self._before_ns, self._mean_until_ns = NEVER_NS, NEVER_NS
 
@@ -215,9 +259,23 @@ class SpecificForce:
 
 @dataclass(slots=True)
 class Telemetry:
-    """The newest of each thing the drone reported; battery 0..1, NaN where unknown."""
+    """The newest of each thing the drone reported, and when; battery 0..1, NaN where unknown.
+
+    received_ns: of anything valid. behind_s: how old the newest stamped message was when it was read. mode: by its last
+    heartbeat. other_ground_ns: of its last answer to another ground. foreign_sysid: of another drone on its link.
+    """
 
     heartbeat: Heartbeat | None = None
+    heartbeat_ns: int = NEVER_NS
+    received_ns: int = NEVER_NS
+    mode: FlightMode | None = None
+    behind_s: float = math.nan
+    behind_ns: int = NEVER_NS
+    other_ground_ns: int = NEVER_NS
+    foreign_sysid: int | None = None
+    guard_text: str = ""
+    """The first of its guard's warnings that go on, and when the newest of them came."""
+    guard_ns: int = NEVER_NS
     landed: LandedState = LandedState.UNDEFINED
     battery: float = math.nan
     battery_v: float = math.nan
@@ -238,6 +296,8 @@ class OwnEstimate:
     Its local frame need not be the lab's: where it begins is settled by a mocap pose while both are trusted.
     """
 
+    attitudes: deque[tuple[int, Quat]] = field(default_factory=lambda: deque(maxlen=ATTITUDES))
+    """Its attitudes since they were last cleared: times, ns, on our clock, and q_lab_from_flu."""
     _tilt_rad: float = math.nan
     _attitude_ns: int = NEVER_NS
     _position_m: Vec3Tuple = NOWHERE
@@ -246,7 +306,9 @@ class OwnEstimate:
     _pos_lab_m: Vec3Tuple = NOWHERE
 
     def receive_attitude(self, q_lab_from_flu: Quat, t_ns: int) -> None:
-        """ATTITUDE_QUATERNION came."""
+        """ATTITUDE_QUATERNION came; t_ns: NEVER_NS where its time is not known."""
+        if t_ns != NEVER_NS:
+            self.attitudes.append((t_ns, q_lab_from_flu))
         _, x, y, _ = q_lab_from_flu.tolist()
         self._tilt_rad, self._attitude_ns = math.acos(min(max(1.0 - 2.0 * (x * x + y * y), -1.0), 1.0)), t_ns
 
@@ -263,16 +325,11 @@ class OwnEstimate:
             self._origin_lab_m = (x, y, z)
             self._update_position()
 
-    def tilt_rad(self, now_ns: int) -> float:
-        """The angle of its own vertical to the lab's; NaN where it does not say."""
-        return self.at(now_ns)[0]
-
-    def pos_lab_m(self, now_ns: int) -> Vec3Tuple:
-        """Where it believes itself; NaN where it does not say, or its origin was never settled."""
-        return self.at(now_ns)[1]
-
     def at(self, now_ns: int) -> tuple[float, Vec3Tuple]:
-        """`tilt_rad` and `pos_lab_m`, in one call a tick."""
+        """The angle of its own vertical to the lab's, and where it believes itself.
+
+        NaN where it does not say; the position, too, where its origin was never settled.
+        """
         tilt_rad = self._tilt_rad if now_ns - self._attitude_ns <= FRESH_NS else math.nan
         return tilt_rad, self._pos_lab_m if now_ns - self._position_ns <= FRESH_NS else NOWHERE
 

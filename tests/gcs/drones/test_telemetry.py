@@ -49,9 +49,9 @@ def test_lost_packets_are_counted_and_a_lap_or_a_restart_is_none():
 def test_packets_addressed_to_others_are_not_lost():
     watch = SequenceMonitor()
     watch.note(10, 0)
-    watch.note(13, MS, skipped=2)
-    watch.note(14, 2 * MS, skipped=2)  # in one datagram with two of another's after it
-    watch.note(17, 3 * MS)
+    watch.note(13, MS, misaddressed=2)
+    watch.note(14, 2 * MS, misaddressed=4)  # in one datagram with two of another's after it
+    watch.note(17, 3 * MS, misaddressed=4)
     assert watch.lost == 0
 
 

@@ -13,8 +13,6 @@ from wire.ground_state import Alarm, GroundState, PublishedEvent
 LOUD = Severity.ERROR
 """An alarm as severe as this, or more, is heard until it is acknowledged."""
 MOST = 100
-EVENTS_MAX = 40
-"""Events that are kept for viewers that connect later."""
 ACKNOWLEDGED = Event(Severity.NOTICE, "operator", "alarms acknowledged", code=EventCode.ACKNOWLEDGED)
 """The ground's event when an operator has acknowledged every alarm."""
 LATEST = 8
@@ -73,7 +71,7 @@ class EventMemory:
 
     def __init__(self) -> None:
         self._count = 0
-        self._events: deque[PublishedEvent] = deque(maxlen=EVENTS_MAX)
+        self._events: deque[PublishedEvent] = deque(maxlen=40)
         self.alarms = AlarmBook()
 
     def note(self, event: Event, unix_us: int) -> None:

@@ -6,6 +6,7 @@ earned by the control, so that a drone hears it stop when control stops.
 """
 
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -52,12 +53,13 @@ from gcs.formation_change import Judged
 from gcs.landing import takeover_text
 from gcs.permissions import Situation, allowed, out_of_turn, parameter_warnings, reject_reasons
 from gcs.safety import (
+    LOG_TROUBLE,
     SETPOINT_HOLD_OFF,
     STOP_REPEAT,
     FactGatherer,
-    Host,
     Lateness,
     all_finite,
+    host_events,
     measured_specific_forces,
 )
 from gcs.state import About, ground_state
@@ -98,7 +100,7 @@ class GcsCore:
         self._config = config
         self._t0_ns, self._session = t0_ns, session
         self._without, self._gains = without, gains
-        self._host = Host(without)
+        self._host = HostReport()
         self._drones = tuple(Drone(i, self._link(config, i)) for i in config.commanded)
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
         self._packets = Packets(self._drones, session, t0_ns)
@@ -163,7 +165,10 @@ class GcsCore:
                 (self._stops if message.verb is Verb.STOP else self._requests).append(message)
                 self._due = True
             case HostReport():
-                self._flight.events += self._host.receive(message)
+                before, self._host = self._host, message
+                if LOG_TROUBLE in self._without:
+                    self._host = replace(message, log_trouble="")
+                self._flight.events += host_events(before, self._host)
                 self._due = True
             case UnmetParameter():
                 if message.sysid in self._links:

@@ -40,7 +40,7 @@ from formation.requests import ENDPOINT, GCS_NAME, time_ns
 from gcs.alarms import EventMemory
 from gcs.core import GcsCore
 from gcs.doctor.restart_record import watch_record
-from gcs.drones.links import GroundLinks, open_links
+from gcs.drones.links import close_links, open_links
 from gcs.lab.findings import judge_margins
 from gcs.recording import Input, Recorder, run_metadata
 from gcs.security.roles import by_role
@@ -70,6 +70,7 @@ from wire.process.progress import compile_all
 from wire.process.system import NOT_LANDED, NOT_RIGHT, REJECTED, machine, prefer_process, raise_priority
 from wire.security.private_keys import keys_folder, read_operations
 from wire.security.protection import INSECURE, LOOPBACK_ONLY, Protection, lab_protection
+from wire.transport.link import Link
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.stop_port import stop_ports
 from wire.transport.zenoh_bus import Reply, ZenohBus
@@ -103,7 +104,8 @@ class Ground:
 
     def __init__(self, config: LabConfig, core: GcsCore, log: LogWriter, report: EventSink, clock: Clock) -> None:
         self.timing = Timing()
-        self.links: GroundLinks | None = None
+        self.links: Mapping[int, Link] = {}
+        """By sysid; before they are open nothing is sent."""
         self._core = core
         self.log = log
         self._recorder = Recorder(log.write)
@@ -280,9 +282,8 @@ class Ground:
         """Tick, send, then record; the cycle of a frame ends when the last datagram was handed to its link."""
         outgoing = self._core.tick(now_ns)
         self._watchdog.feed(now_ns)
-        if self.links is not None:
-            for datagram in outgoing.datagrams:
-                self.links.send(datagram)
+        for datagram in outgoing.datagrams if self.links else ():
+            self.links[datagram.sysid].send(datagram)
         sent_ns = self._clock.monotonic_ns()
         self._recorder.tick(outgoing, now_ns)
         for reply in outgoing.replies:
@@ -385,7 +386,7 @@ async def run(
             except BaseExceptionGroup as group:
                 raise _first_failure(group) from group
             finally:
-                ground.links.close()
+                close_links(ground.links)
         state = core.state(clock.monotonic_ns())
         return RunResult(ground.phase, state.cause, ground.timing, log.lost, state.not_landed, log.path)
     finally:

@@ -293,6 +293,7 @@ class Flight:
 
     def _watch_arming(self, stages: Stages | None, now_ns: int) -> None:
         unready = [drone for drone in self._drones if not drone.reached]
+        is_overdue = now_ns - self.entered_ns > ARMING_NS
         if stages is not None:
             self.start_yaw_rad = float(stages.state.yaw_rad[0])
             for drone in self._drones:
@@ -304,11 +305,8 @@ class Flight:
         elif self.armed:
             cause = unready[0].idle_disarm_text or f"{unready[0].link.name} is no longer armed and off-board"
             self.pull(Trigger.DISARMED, Cause.DISARMED, cause, now_ns)
-        elif failed := [drone for drone in unready if drone.rejects(now_ns)] or self._overdue(unready, now_ns):
+        elif failed := [d for d in unready if d.rejects(now_ns)] or (unready if is_overdue else []):
             self.pull(Trigger.DISARMED, Cause.NOT_ARMED, "; ".join(_why_not_armed(drone) for drone in failed), now_ns)
-
-    def _overdue(self, unready: list[Drone], now_ns: int) -> list[Drone]:
-        return unready if now_ns - self.entered_ns > ARMING_NS else []
 
     def _watch_countdown(self, now_ns: int) -> None:
         """Report once how much time is left for a take-off, and once when it is too late."""
@@ -333,10 +331,8 @@ class Flight:
                 cause = drone.idle_disarm_text or f"{drone.link.name} is disarmed, still on the floor"
                 self.pull(Trigger.LAND, Cause.DISARMED, cause, now_ns)
                 return
-        if stages is not None:
-            self._watch_height(stages, now_ns)
-
-    def _watch_height(self, stages: Stages, now_ns: int) -> None:
+        if stages is None:
+            return
         flown = [i for i, drone in enumerate(self._drones) if drone.flown]
         if are_at_height(stages, flown, [self._drones[i].index for i in flown], self.config.flight.altitude_m):
             self.pull(Trigger.AT_HEIGHT, Cause.AT_HEIGHT, "every drone is at its height", now_ns)

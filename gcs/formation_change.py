@@ -206,11 +206,7 @@ def compute_transition(shape: Shape, stages: Stages, config: LabConfig, forming:
 
     ValueError says why there is none.
     """
-    return transition_of(shape, _led_motion(stages, config), float(stages.state.pos_lab_m[0, 2]), config, forming)
-
-
-def transition_of(shape: Shape, motion_lead: Float, leader_z_m: float, config: LabConfig, forming: Bool) -> Transition:
-    """The same from motions (followers, 3, 4) in the leader's frame, of which those of the others do not count."""
+    motion_lead, leader_z_m = _led_motion(stages, config), float(stages.state.pos_lab_m[0, 2])
     rows = np.flatnonzero(forming).tolist()
     who = [config.leader.body, *(config.followers[i].body for i in rows)]
     found = transition(shape.part(rows), motion_lead[rows], space(config, leader_z_m), who)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from gcs.drones.drone import Drone
 from gcs.drones.land_detector import NEAR_FLOOR_M
 
 CLEARANCE = 1.5  # of the minimum separation: drones on the floor are not led any more
-RINGS, DIRECTIONS = 12, 16
 INSET_M = 0.1
 HAND_OVER_S = 6.0
 END_S = 10.0
@@ -48,9 +47,9 @@ def free_spot(own: Float, others: Float, limits: LimitsConfig) -> Float:
 def _beside(own: Float, others: Float, clear_m: float, limits: LimitsConfig) -> Float:
     low = np.array(limits.fence.low_m[:2]) + INSET_M
     high = np.array(limits.fence.high_m[:2]) - INSET_M
-    angles = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    angles = 2.0 * np.pi * np.arange(16) / 16
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    for k in range(1, RINGS + 1):
+    for k in range(1, 13):
         candidates = own + 0.5 * k * clear_m * ring
         for spot in candidates[((candidates >= low) & (candidates <= high)).all(axis=-1)]:
             if _distance(others, spot) >= clear_m:
@@ -62,8 +61,7 @@ def _distance(spots: Float, spot: Float) -> float:
     return float(np.linalg.norm(spots - spot, axis=-1).min())
 
 
-@dataclass(frozen=True, slots=True)
-class Descent:
+class Descent(NamedTuple):
     """hand_over_ns: who has not landed by then is left to its autopilot's own landing; end_ns: when it is over."""
 
     hand_over_ns: int

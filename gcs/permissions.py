@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from formation.config import LabConfig
-from formation.messages import Phase, Verb
+from formation.messages import HostReport, Phase, Verb
 from formation.reasons import LAND_AND_INCLUDE, Reason, Reject
 from formation.safety.phases import PHASES_FOR, meant
 from formation.safety.rules import Facts, nearest, outside_box
@@ -22,7 +22,7 @@ from gcs.drones.drone import TAKE_OFF_S, Drone
 from gcs.drones.land_detector import AIRBORNE_STATES
 from gcs.drones.link_state import DroneLink
 from gcs.flight import Flight
-from gcs.safety import ARM_IN_AIR, ARM_OTHER_GROUND, Host
+from gcs.safety import ARM_IN_AIR, ARM_OTHER_GROUND
 
 STILL_M_S = 0.3
 LEVEL_RAD = 0.35
@@ -38,7 +38,7 @@ class Situation:
     config: LabConfig
     drones: tuple[Drone, ...]
     flight: Flight
-    host: Host
+    host: HostReport
     without: frozenset[str]
     facts: Facts
     now_ns: int

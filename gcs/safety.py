@@ -21,8 +21,8 @@ from formation.safety.attitude_innovation import AttitudeMonitor
 from formation.safety.rules import Facts, FaultChange
 from formation.safety.rules_table import BEHIND_HOLD_S, RULE_NAMES, SILENT_S, Measure
 from gcs.drones.drone import Drone
-from gcs.drones.link_state import DroneLink
-from gcs.drones.telemetry import NOWHERE
+from gcs.drones.link_state import Ages, DroneLink
+from gcs.drones.telemetry import MEMORY_S, NOWHERE
 
 ARM_IN_AIR = "arm-in-air"
 ARM_OTHER_GROUND = "arm-other-ground"
@@ -40,59 +40,29 @@ _EFFECTS = frozenset(
 )  # fmt: skip
 
 
-class Host:
-    """The newest report of the host. It forbids arming and touches no output of the control."""
+def host_events(before: HostReport, after: HostReport) -> list[Event]:
+    """Events for what is new in a host's report, or over. What it reports forbids arming, and touches no control."""
+    events = [
+        Event(Severity.WARNING, "flight", f"another ground is alive: {name}", code=EventCode.OTHER_GROUND, subject=name)
+        for name in after.other_grounds
+        if name not in before.other_grounds
+    ]
+    for old, new in zip(_troubles(before), _troubles(after), strict=True):
+        if new.text and new != old:
+            events.append(new)
+        elif old.text and not new.text:
+            events.append(old.over())
+    return events
 
-    def __init__(self, without: frozenset[str]) -> None:
-        self._without = without
-        self._report = HostReport()
 
-    @property
-    def other_grounds(self) -> tuple[str, ...]:
-        """Other grounds that are alive on the lab's bus."""
-        return self._report.other_grounds
-
-    @property
-    def log_trouble(self) -> str:
-        """The fault of the log, in words; empty while it is written in time."""
-        return "" if LOG_TROUBLE in self._without else self._report.log_trouble
-
-    @property
-    def button_trouble(self) -> str:
-        """The fault of the stop button, in words; empty while it is there, or none is configured."""
-        return self._report.button_trouble
-
-    def receive(self, report: HostReport) -> list[Event]:
-        """Receive a report; return events for what is new in it."""
-        grounds, before = self.other_grounds, self._troubles
-        self._report = report
-        events = [
-            Event(
-                Severity.WARNING,
-                "flight",
-                f"another ground is alive: {name}",
-                code=EventCode.OTHER_GROUND,
-                subject=name,
-            )
-            for name in report.other_grounds
-            if name not in grounds
-        ]
-        for old, new in zip(before, self._troubles, strict=True):
-            if new.text and new != old:
-                events.append(new)
-            elif old.text and not new.text:
-                events.append(old.over())
-        return events
-
-    @property
-    def _troubles(self) -> tuple[Event, ...]:
-        """The possible faults, as events; the text of one that is not is empty."""
-        troubles = (
-            ("log", self.log_trouble, EventCode.LOG),
-            ("security", self._report.exposed, EventCode.INSECURE),
-            ("stop button", self.button_trouble, EventCode.STOP_BUTTON),
-        )
-        return tuple(Event(Severity.CRITICAL, source, text, lasts=True, code=code) for source, text, code in troubles)
+def _troubles(report: HostReport) -> tuple[Event, ...]:
+    """The possible faults, as events; the text of one that is not is empty."""
+    troubles = (
+        ("log", report.log_trouble, EventCode.LOG),
+        ("security", report.exposed, EventCode.INSECURE),
+        ("stop button", report.button_trouble, EventCode.STOP_BUTTON),
+    )
+    return tuple(Event(Severity.CRITICAL, source, text, lasts=True, code=code) for source, text, code in troubles)
 
 
 def with_cause(change: FaultChange, link: DroneLink, rejected: int, now_ns: int) -> str:
@@ -162,8 +132,7 @@ class OpenAlarms:
         return drone is not None and drone.link.ages(now_ns).silent_s > SILENT_S
 
 
-MEMORY_S = 1.0
-_NO_AGES = (0.0, 0.0, math.nan, math.nan)
+_NO_AGES = Ages(0.0, 0.0, math.nan, math.nan)
 _REPORTED = (True, True, False)
 """A body without a link: its ages as of `DroneLink.ages`; armed, off-board, and that its address is used twice."""
 

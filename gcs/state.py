@@ -11,18 +11,14 @@ from formation.config import LabConfig
 from formation.control.stack import Stages
 from formation.maths.arrays import Float, Scalars
 from formation.maths.frames import rotate_about_z
-from formation.messages import Phase, Verb
+from formation.messages import HostReport, Phase, Verb
 from formation.reasons import Reject
 from formation.safety.phases import STREAMING
 from formation.safety.rules import Facts
 from formation.safety.rules_table import UNSEEN_S
 from gcs.drones.drone import Drone
 from gcs.flight import Flight
-from gcs.safety import Host
 from wire.ground_state import Counters, DroneState, GroundState, ObservedBody
-
-FLOOR = 2
-"""The lower wall along z, of the fence's six."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +31,7 @@ class About:
 
     t_s: float
     session: int
-    host: Host
+    host: HostReport
     counters: Counters
     rejected: Mapping[str, str]
     allowed: Mapping[str, tuple[Reject, ...]]
@@ -103,8 +99,9 @@ class _Numbers:
             self.leader_yaw_rad = round(float(stages.state.yaw_rad[0]), 4) if seen[0] else None
         fence = config.limits.fence
         walls = np.hstack((facts.pos_lab_m - np.array(fence.low_m), np.array(fence.high_m) - facts.pos_lab_m))
+        # The floor is the third of the six: the lower wall along z.
         self.margin_m = walls.min(axis=1).round(3).tolist()
-        self.margin_standing_m = np.delete(walls, FLOOR, axis=1).min(axis=1).round(3).tolist()
+        self.margin_standing_m = np.delete(walls, 2, axis=1).min(axis=1).round(3).tolist()
         error_m = facts.error_m.round(4).tolist()
         self.error_m: list[float | None] = [x if ok else None for x, ok in zip(error_m, seen, strict=True)]
         self.age_s = _rounded(facts.age_s, 3)

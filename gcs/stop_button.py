@@ -13,14 +13,12 @@ from pathlib import Path, PurePath
 from typing import Protocol
 
 from formation.config import StopButton
+from wire.transport.link import PAUSE_S
 
 INPUT_EVENT = struct.Struct("llHHi")
 JS_EVENT = struct.Struct("IhBB")
-EV_KEY, PRESSED = 1, 1
-JS_EVENT_BUTTON = 1  # JS_EVENT_INIT, 0x80, marks what was so when the device was opened
 AGAIN_S = 0.5
 READ_BYTES = 1536
-PAUSE_S = 0.002
 """A turn reads 64 events of a keyboard and then rests: a joystick whose stick trembles costs the control nothing."""
 FOLDER = Path("/dev/input")
 
@@ -42,10 +40,10 @@ class Buttons:
 
     def _pressed(self, fields: tuple[int, ...]) -> int | None:
         if self._joystick:
-            _, value, kind, code = fields
-            return code if kind == JS_EVENT_BUTTON and value == PRESSED else None
-        _, _, kind, code, value = fields
-        return code if kind == EV_KEY and value == PRESSED else None
+            _, value, kind, code = fields  # 1 is JS_EVENT_BUTTON; JS_EVENT_INIT, 0x80, marks what was so at first
+        else:
+            _, _, kind, code, value = fields  # 1 is EV_KEY
+        return code if kind == value == 1 else None
 
 
 def _is_joystick(device: str) -> bool:
@@ -123,7 +121,7 @@ def print_presses(as_json: bool = False) -> None:
         for device in ready:
             name, buttons = devices[device]
             try:
-                codes = buttons.read(os.read(device, 1536))
+                codes = buttons.read(os.read(device, READ_BYTES))
             except OSError:  # unplugged
                 del devices[device]
                 continue

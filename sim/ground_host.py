@@ -9,6 +9,7 @@ from formation.messages import Datagram, Event, EventCode, HostReport, OperatorR
 from formation.topics import EVENT
 from gcs.core import BrokenInvariantError, GcsCore
 from gcs.recording import Input, Record, Recorder
+from gcs.warm_up import LAW_S
 from sim.monitors import Without
 from sim.process_input import ProcessInput
 from wire.ground_state import GroundState
@@ -54,8 +55,6 @@ class VirtualIntake:
 REQUEST_IDS = 1_000_000
 """From here on count the requests that faults make; the operator's own begin at 1."""
 REQUEST_DELAY_NS = 1_500_000_000
-LAW_S = 5.0
-"""For the lab's own law, of the host's time: simulated time stands still meanwhile, so it only ends what never ends."""
 
 
 class GroundHost:
@@ -77,6 +76,7 @@ class GroundHost:
         self._second = False
         self._input = ProcessInput[Input]()
         self.name = f"ground-{session}"
+        # Of the host's time: simulated time stands still meanwhile, so it only ends what never ends.
         self._core = GcsCore(lab, now_ns, session, without.ground, gains, Deadline(LAW_S, LAW_S))
         self._report = HostReport()
         self._intakes: dict[int, VirtualIntake] = {}

@@ -1,7 +1,7 @@
 """The doctor's round: listens to mocap and drones, has drones moved by hand, interviews each through MAVSDK."""
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Mapping, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ from gcs.doctor.mavsdk_drone import (
 from gcs.doctor.restart_record import Unmet, unmet_ns
 from gcs.drones.autopilot_model import streams
 from gcs.drones.link_state import DroneLink
-from gcs.drones.links import GroundLinks, open_links
+from gcs.drones.links import close_links, open_links
 from gcs.drones.telemetry import ground_heartbeat
 from gcs.finding import Finding, Fix
 from gcs.permissions import restart_text
@@ -75,7 +75,7 @@ class Survey:
         self.unknown_bodies: tuple[str, ...] = ()
         self.retimed_scatter_s: float | None = None
         self._names = tuple(v.body for v in config.vehicles)
-        self.links: GroundLinks | None = None
+        self.links: Mapping[int, Link] = {}
         self.drones = {
             v.sysid: DroneLink(v, v.sysid, config.profile_of(v), streams(config))
             for v in config.vehicles
@@ -126,8 +126,8 @@ class Survey:
 
     def send(self, sysid: int, data: bytes) -> None:
         """Bytes to a drone."""
-        if self.links is not None:
-            self.links.send(Datagram(sysid, data))
+        if self.links:
+            self.links[sysid].send(Datagram(sysid, data))
 
     def reads_at_boot(self, fix: Fix) -> bool:
         """Whether the drone reads that parameter only as it boots."""
@@ -262,8 +262,7 @@ async def surveying(
         async with beside(survey.pump(), protection.attend(report)), mocap_service(config, lab_file, mocap, report):
             yield survey
     finally:
-        if survey.links is not None:
-            survey.links.close()
+        close_links(survey.links)
         await bus.close()
 
 

@@ -12,12 +12,10 @@ from wire.link_messages import LandedState
 
 HOLD_OFF_NS = 1_000_000_000  # an answer stands until the next heartbeat can confirm it
 WORDS_NS = 300_000_000  # an autopilot's reasons come beside its answer, before it or after
-GONE_NS = 5_000_000_000
 OWN_LANDING_NS = 2_500_000_000
-REJECTED_DISARM_NS = 5_000_000_000
 TAKE_OFF_S = 3.0  # thrust takes two to rise (formation.control.attitude), its own landing detector one to notice
 IDLE_DISARM_WITHIN_S = 0.5
-JOINING_NS = 5_000_000_000
+PATIENCE_NS = 5_000_000_000  # how long a drone is waited for that is silent, rejects its disarm, or does not follow yet
 
 
 @dataclass(slots=True)
@@ -84,7 +82,7 @@ class Drone:
 
     def joining(self, now_ns: int) -> bool:
         """Whether it is only just being taken over, and is given time to follow."""
-        return self.stage is Stage.JOIN and not self.reached and now_ns - self.since_ns < JOINING_NS
+        return self.stage is Stage.JOIN and not self.reached and now_ns - self.since_ns < PATIENCE_NS
 
     def awaited(self, now_ns: int) -> bool:
         """Whether it is being taken over and has not even accepted to follow: its motion is not ours yet."""
@@ -107,7 +105,7 @@ class Drone:
     def is_lost(self, now_ns: int) -> bool:
         """Whether it fell silent before it reported that its motors are off, and is sent no setpoints any more."""
         silent_ns = now_ns - max(self.link.telemetry.received_ns, self.since_ns)
-        return self.stage in (Stage.RELEASED, Stage.CUT) and not self.reached and silent_ns > GONE_NS
+        return self.stage in (Stage.RELEASED, Stage.CUT) and not self.reached and silent_ns > PATIENCE_NS
 
     def is_awaited_down(self, now_ns: int) -> bool:
         """Whether a landing still waits for it: not for a pilot's drone, nor for a lost one."""
@@ -149,7 +147,7 @@ class Drone:
         if self.stage is Stage.DISARM and not self.reached:
             if self.floor.touched and link.telemetry.landed in AIRBORNE_STATES and lasted_ns < OWN_LANDING_NS:
                 return  # it would refuse: its own landing detector has not seen yet what the mocap saw
-            if lasted_ns > REJECTED_DISARM_NS:
+            if lasted_ns > PATIENCE_NS:
                 self._force_disarm(now_ns)
         if self.reached:
             link.commands.calm()

@@ -10,8 +10,8 @@ from wire.link_messages import LandedState
 AIRBORNE_STATES = (LandedState.IN_AIR, LandedState.TAKEOFF, LandedState.LANDING)
 NEAR_FLOOR_M = 0.03
 TOUCH_NS = 300_000_000
-PRESSING_M, PRESSED_NS = 0.2, 1_000_000_000
-NOT_DESCENDING_M, NOT_DESCENDING_NS = 0.5, 1_000_000_000
+PRESSING_M, NOT_DESCENDING_M = 0.2, 0.5  # above its reference, for LASTING_NS
+LASTING_NS = 1_000_000_000
 AT_REST_M_S = 0.08
 AT_REST_LAG_S = 0.15  # 4 mm of noise at 30 Hz are 0.02 m/s
 LIFTED_M = 0.02
@@ -76,7 +76,7 @@ class LandDetector:
             return False
         if self._resting_since_ns is None:
             self._resting_since_ns = now_ns
-        return now_ns - self._resting_since_ns >= (TOUCH_NS if near else PRESSED_NS) and not self.touched
+        return now_ns - self._resting_since_ns >= (TOUCH_NS if near else LASTING_NS) and not self.touched
 
     def is_not_descending(self, above_reference_m: float, now_ns: int) -> bool:
         """Whether it has been far above its landing reference for a second, off the floor: it does not descend."""
@@ -85,7 +85,7 @@ class LandDetector:
             return False
         if self._above_since_ns is None:
             self._above_since_ns = now_ns
-        return now_ns - self._above_since_ns >= NOT_DESCENDING_NS
+        return now_ns - self._above_since_ns >= LASTING_NS
 
     def _climb_m_s(self, now_ns: int) -> float:
         """How fast its height changes as it is seen, some 0.15 s old. On the floor the estimated speed is none:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from formation.config import VehicleBody
 from formation.messages import FORCE_MOST_M_S2, Severity
 from formation.model import Vec3Tuple
+from formation.safety.rules_table import SILENT_S
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
 from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
@@ -58,11 +59,8 @@ from wire.mavlink.codec import Codec
 
 RESTART_NS = 2_500_000_000  # without a heartbeat: it may have restarted and lost its stream requests
 ORIGIN_NS = 1_000_000_000
-ANSWERS = 2
-OTHER_GROUND_S = 3.0
 AGE_FRESH_NS = 1_000_000_000
 BEHIND_FRESH_NS = 100_000_000
-FORCE_LOST_NS = 3_000_000_000
 GUARD_NS = 10_000_000_000
 CLOCK_DRIFT_WARN_NS = 60_000_000_000
 
@@ -123,21 +121,21 @@ class DroneLink:
         self.parameters = ParameterReader(self.target, MavAutopilot.GENERIC)
         self.boot_parameters = BootParameters()
         self.reports = Reports(self.name)
-        self._answers: deque[LinkMessage] = deque(maxlen=ANSWERS)
+        self._answers: deque[LinkMessage] = deque(maxlen=2)
 
     def ages(self, now_ns: int) -> Ages:
         """How old what was heard of it is now."""
-        heard = self.telemetry
+        newest = self.telemetry
         return Ages(
-            math.inf if heard.heartbeat is None else (now_ns - heard.heartbeat_ns) * 1e-9,
-            math.inf if heard.received_ns == NEVER_NS else (now_ns - heard.received_ns) * 1e-9,
-            heard.behind_s if now_ns - heard.behind_ns <= BEHIND_FRESH_NS else math.nan,
-            heard.setpoint_age_s if now_ns - heard.setpoint_age_ns <= AGE_FRESH_NS else math.nan,
+            math.inf if newest.heartbeat is None else (now_ns - newest.heartbeat_ns) * 1e-9,
+            math.inf if newest.received_ns == NEVER_NS else (now_ns - newest.received_ns) * 1e-9,
+            newest.behind_s if now_ns - newest.behind_ns <= BEHIND_FRESH_NS else math.nan,
+            newest.setpoint_age_s if now_ns - newest.setpoint_age_ns <= AGE_FRESH_NS else math.nan,
         )
 
     def answers_other_ground(self, now_ns: int) -> bool:
         """Whether it was lately heard to answer another ground than this."""
-        return now_ns - self.telemetry.other_ground_ns < round(OTHER_GROUND_S * 1e9)
+        return now_ns - self.telemetry.other_ground_ns < round(SILENT_S * 1e9)
 
     @property
     def piloted(self) -> bool:
@@ -366,7 +364,7 @@ class DroneLink:
         if self.model is None or not READS_IF_ASKED & dict(self._streams).keys():
             return
         force = self.telemetry.force
-        silent = now_ns - max(force.asked_ns, force.received_ns) > FORCE_LOST_NS
+        silent = now_ns - max(force.asked_ns, force.received_ns) > round(SILENT_S * 1e9)
         if silent and not force.is_missing:
             self.reports.add(Severity.WARNING, "sends no HIGHRES_IMU that was asked for: flown without", now_ns)
         elif force.is_missing and not silent:

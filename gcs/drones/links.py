@@ -1,42 +1,16 @@
-"""The ground's links to all drones of a lab as one: the shared bus or sockets, and each drone's own if it has one."""
+"""The ground's links to its drones, by sysid: the shared bus or sockets, and each drone's own if it has one."""
+
+from collections.abc import Mapping
 
 from formation.config import LabConfig
-from formation.messages import Datagram
 from wire.process.port_holder import why_not_bound
 from wire.security.bus_access import ExposedError
-from wire.transport.link import Deliver, Link, LinkCounters
+from wire.transport.link import Deliver, Link
 from wire.transport.udp_bus import open_udp_direct, open_udp_ground
 from wire.transport.zenoh_bus import ZenohBus
 
 
-class GroundLinks:
-    """Sends each datagram by the link of its drone."""
-
-    def __init__(self, links: dict[int, Link]) -> None:
-        self._links = links
-
-    def send(self, datagram: Datagram) -> None:
-        """Hand the bytes to the drone's link; never waits."""
-        self._links[datagram.sysid].send(datagram)
-
-    @property
-    def counters(self) -> LinkCounters:
-        """Sums over all links."""
-        counters = [link.counters for link in {id(link): link for link in self._links.values()}.values()]
-        return LinkCounters(
-            sent=sum(each.sent for each in counters),
-            received=sum(each.received for each in counters),
-            dropped=sum(each.dropped for each in counters),
-            rejected=sum(each.rejected for each in counters),
-        )
-
-    def close(self) -> None:
-        """Close every link."""
-        for link in {id(link): link for link in self._links.values()}.values():
-            link.close()
-
-
-async def open_links(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> GroundLinks:
+async def open_links(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> Mapping[int, Link]:
     """Open what the configuration says; what the links refuse is noted in the bus's `refusals`.
 
     OSError for a port that is taken, ValueError for a link that is none.
@@ -49,7 +23,13 @@ async def open_links(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> Grou
     if shared:
         common = await _open_shared(config, bus, shared, deliver)
         links.update((sysid, common) for sysid in shared)
-    return GroundLinks(links)
+    return links
+
+
+def close_links(links: Mapping[int, Link]) -> None:
+    """Close each, those that drones share once."""
+    for link in {id(link): link for link in links.values()}.values():
+        link.close()
 
 
 async def _open_shared(config: LabConfig, bus: ZenohBus, sysids: list[int], deliver: Deliver) -> Link:

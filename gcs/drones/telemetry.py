@@ -29,7 +29,7 @@ from wire.link_messages import (
 from wire.rejections import RejectionLog
 
 MODULO = 256
-FORWARD = 128  # a step this long or longer is a step back: a packet overtaken on the way
+FORWARD = MODULO // 2  # a step this long or longer is a step back: a packet overtaken on the way
 NEAR = 4  # a stream is recognised by a step this short
 CAME_MASK = (1 << NEAR + 1) - 1
 STREAM_TIMEOUT_NS = 500_000_000
@@ -56,7 +56,6 @@ READS = frozenset(
     }
 )
 READS_IF_ASKED = frozenset({MessageId.HIGHRES_IMU})
-FORCES = 64
 FORCE_NS, STEP_MOST_NS = 5_000_000, 100_000_000  # of so long HIGHRES_IMU is the mean (PX4); the longest mean of ours
 # A person flies it in these: the ground leaves it alone.
 PILOTED = frozenset(
@@ -64,7 +63,6 @@ PILOTED = frozenset(
      FlightMode.HOLD}
 )  # fmt: skip
 FRESH_NS = 300_000_000
-ATTITUDES = 8
 WORDS_A_SECOND = 20
 NOWHERE: Vec3Tuple = (math.nan, math.nan, math.nan)
 
@@ -180,7 +178,7 @@ class SequenceMonitor:
 
 @dataclass(slots=True)
 class Reports:
-    """What operators are told of one drone: its texts and ours of it; beyond WORDS_A_SECOND they are counted only."""
+    """Events about one drone: its texts, and ours of it; beyond WORDS_A_SECOND they are counted only."""
 
     name: str
     events: list[Event] = field(default_factory=list)
@@ -221,7 +219,7 @@ class SpecificForce:
         """When the last measurement came, and when the stream was last asked for."""
         self.is_missing = False
         """Whether it was reported that none comes."""
-        self._samples: deque[tuple[int, Vec3]] = deque(maxlen=FORCES)
+        self._samples: deque[tuple[int, Vec3]] = deque(maxlen=64)
         self._before_ns, self._mean_until_ns = NEVER_NS, NEVER_NS
 
     def receive(self, t_ns: int, force_flu_m_s2: Vec3, now_ns: int) -> bool:
@@ -296,7 +294,7 @@ class OwnEstimate:
     Its local frame need not be the lab's: where it begins is settled by a mocap pose while both are trusted.
     """
 
-    attitudes: deque[tuple[int, Quat]] = field(default_factory=lambda: deque(maxlen=ATTITUDES))
+    attitudes: deque[tuple[int, Quat]] = field(default_factory=lambda: deque(maxlen=8))
     """Its attitudes since they were last cleared: times, ns, on our clock, and q_lab_from_flu."""
     _tilt_rad: float = math.nan
     _attitude_ns: int = NEVER_NS

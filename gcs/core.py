@@ -376,7 +376,9 @@ class GcsCore:
         if self._rejected_frames.has_pending:
             events += self._rejected_frames.due(self._tick_ns)
         for drone in self._drones:
-            events += self._pop_events(drone)
+            reports = drone.link.reports
+            if reports.events or reports.rejections.has_pending or not drone.checked:
+                events += self._pop_events(drone)
         return (*records, *((topics.EVENT, event) for event in events))
 
     def _pop_events(self, drone: Drone) -> list[Event]:

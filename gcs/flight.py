@@ -1,4 +1,8 @@
-"""The flight: the phase, what each drone is led to in it, and how what is seen moves it on. No bytes, no control."""
+"""The flight: the phase, what each drone is led to in it, and how what is seen moves it on. No bytes, no control.
+
+A new phase of flight is a row of formation.safety.phases.TABLE for each trigger that leads to it or from it, a row of
+`PHASES` here, and the function of `Flight` that watches for its end.
+"""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -120,7 +124,7 @@ class Flight:
 
     def plan(self) -> Plan:
         """The plan for the control now; a drone without setpoints is not led, and all others keep clear of it."""
-        setpoints = tuple(drone.setpoint if drone.flown else IDLE for drone in self._drones)
+        setpoints = tuple([drone.led_to for drone in self._drones])
         resumes = self.interrupted_s is not None
         return Plan(setpoints, self.shape, self.trajectory_start_ns, self.rise_m, self.trajectory_name, resumes)
 
@@ -535,7 +539,7 @@ PHASES: Mapping[Phase, PhaseRow] = MappingProxyType(
         Phase.STOPPED: PhaseRow(DroneTrigger.STOP, _idle),
     }
 )
-"""A new phase is a row here, and its entries in formation.safety.phases.TABLE."""
+"""What each phase makes of the drones; which trigger leads to which is formation.safety.phases.TABLE."""
 
 
 def are_at_height(stages: Stages, flown: Sequence[int], bodies: Sequence[int], height_m: float) -> bool:

@@ -1,6 +1,8 @@
 """Safety at the ground: the facts that its rules decide on, what they find as events, what a campaign can switch off.
 
-The facts: how regularly frames come, the newest estimate, what the links say, what the host reports. Pure.
+The facts: how regularly frames come, the newest estimate, what the links say, what the host reports. Pure. A new safety
+rule is a row of formation.safety.rules_table.RULES; a new measure a `Measure` there and its line in
+formation.safety.rules; a new fact a field of `Facts`, which `FactGatherer.gather` fills.
 """
 
 import math

@@ -110,11 +110,11 @@ class _Numbers:
         self.link_behind_s = _rounded(facts.link_behind_s, 3)
         self.setpoint_age_s = _rounded(facts.setpoint_age_s, 4)
 
-    def fence_margin_m(self, i: int, *, stands: bool) -> float | None:
+    def fence_margin_m(self, i: int, *, on_floor: bool) -> float | None:
         """To the nearest wall; for a drone that stands, the floor is none."""
         if not self.seen[i]:
             return None
-        margin: float = (self.margin_standing_m if stands else self.margin_m)[i]
+        margin: float = (self.margin_standing_m if on_floor else self.margin_m)[i]
         return margin
 
 
@@ -143,7 +143,7 @@ def _drone_state(drone: Drone, m: int, numbers: _Numbers, rejected: str | None, 
         q_lab_from_flu=numbers.q[i],
         reference_lab_m=None if numbers.reference is None or not drone.flown else numbers.reference[m],
         error_m=numbers.error_m[i],
-        fence_margin_m=numbers.fence_margin_m(i, stands=not (link.armed and drone.floor.lifted)),
+        fence_margin_m=numbers.fence_margin_m(i, on_floor=not (link.armed and drone.floor.lifted)),
         age_s=numbers.age_s[i],
         heartbeat_age_s=numbers.heartbeat_age_s[i],
         battery=numbers.battery[i],

@@ -10,7 +10,7 @@ from gcs.drones.stages import MOTORS_OFF, ROWS, TABLE, Row, Stage, Trigger, cont
 from gcs.drones.telemetry import NEVER_NS
 from wire.link_messages import LandedState
 
-HOLD_OFF_NS = 1_000_000_000  # an answer stands until the next heartbeat can confirm it
+CONFIRM_NS = 1_000_000_000  # an answer stands until the next heartbeat can confirm it
 WORDS_NS = 300_000_000  # an autopilot's reasons come beside its answer, before it or after
 OWN_LANDING_NS = 2_500_000_000
 TAKE_OFF_S = 3.0  # thrust takes two to rise (formation.control.attitude), its own landing detector one to notice
@@ -66,6 +66,11 @@ class Drone:
     def flown(self) -> bool:
         """Whether it is sent setpoints: not after a release or a motor cut, nor while a pilot flies it."""
         return ROWS[self.stage].streams and not self.excluded
+
+    @property
+    def led_to(self) -> Setpoint:
+        """Its setpoint for the control: none without setpoints."""
+        return self.setpoint if ROWS[self.stage].streams and not self.excluded else IDLE
 
     @property
     def piloted(self) -> bool:
@@ -150,15 +155,15 @@ class Drone:
             if lasted_ns > PATIENCE_NS:
                 self._force_disarm(now_ns)
         if self.reached:
-            link.commands.calm()
+            link.commands.end_urgent()
             return
         command = self.row.command(link, now_ns - self.since_ns)
         if command is None:
             return
         answer = link.commands.answers.get(command)
         if self.stage is Stage.CUT:
-            link.commands.urge(command)
-        elif answer is None or now_ns - answer.t_ns >= HOLD_OFF_NS:
+            link.commands.ask_urgently(command)
+        elif answer is None or now_ns - answer.t_ns >= CONFIRM_NS:
             link.commands.ask(command)
 
     def _force_disarm(self, now_ns: int) -> None:

@@ -70,8 +70,8 @@ class LandDetector:
         """
         near = self.height_m < NEAR_FLOOR_M
         moves_m_s = min(abs(vz_m_s), abs(self._climb_m_s(now_ns)))
-        rests = (near or above_reference_m > PRESSING_M) and moves_m_s <= AT_REST_M_S
-        if not rests or not self._is_confirmed(link, near, thrust_norm):
+        at_rest = (near or above_reference_m > PRESSING_M) and moves_m_s <= AT_REST_M_S
+        if not at_rest or not self._is_confirmed(link, near, thrust_norm):
             self._resting_since_ns = None
             return False
         if self._resting_since_ns is None:

@@ -1,4 +1,8 @@
-"""One drone as its link shows it: what it last said, its clock, losses, parameters and commands. No policy here."""
+"""One drone as its link shows it: what it last said, its clock, losses, parameters and commands. No policy here.
+
+One more MAVLink message that the ground reads: its class in wire.link_messages, its codec in wire.mavlink.messages, its
+id in gcs.drones.telemetry.READS, and a case of `DroneLink._read`. One that it sends: from `DroneLink.due`.
+"""
 
 import math
 from collections import deque

@@ -121,14 +121,14 @@ class CommandChannel:
         """Discard the answer to a command, so that it is sent again."""
         self.answers.pop(command, None)
 
-    def urge(self, command: CommandLong) -> None:
+    def ask_urgently(self, command: CommandLong) -> None:
         """Drop everything for this one, repeated every `urgent_retry_ns`."""
         self.queue.clear()
         if command != self.current:
             self._start(command)
         self._urgent = True
 
-    def calm(self) -> None:
+    def end_urgent(self) -> None:
         """End the urgent command: nothing else ends it, no answer either."""
         if self._urgent:
             self.current, self._urgent = None, False

@@ -200,8 +200,6 @@ class Reports:
 
     def pop(self, now_ns: int) -> list[Event]:
         """The events since the last call."""
-        if not self.events and not self.rejections.has_pending:
-            return []
         events, self.events = [*self.events, *self.rejections.due(now_ns)], []
         return events
 

@@ -59,10 +59,10 @@ def test_an_urgent_command_goes_first_and_is_never_given_up():
     channel.ask(land(DRONE))
     channel.due(0)
     assert disarm(DRONE).params[:2] == (0.0, 0.0)
-    channel.urge(cut(DRONE))
+    channel.ask_urgently(cut(DRONE))
     sent = []
     for ms in range(1, 3000):
-        channel.urge(cut(DRONE))
+        channel.ask_urgently(cut(DRONE))
         command = channel.due(ms * MS)
         if command is not None:
             sent.append((ms, command.params[:2]))
@@ -152,7 +152,7 @@ def test_no_answer_ends_or_delays_a_motor_cut(result):
     channel = CommandChannel()
     channel.ask(arm(DRONE))
     channel.due(0)
-    channel.urge(cut(DRONE))
+    channel.ask_urgently(cut(DRONE))
     assert channel.due(MS).params[:2] == (0.0, 21196.0)
     for ms in (2, 3):
         channel.receive(_ack(400, result), ms * MS)

@@ -190,7 +190,8 @@ class GcsCore:
         if self._stops:
             return self.stop(now_ns)
         self._reinitialise(now_ns)
-        frame, stack, plan = self._pop_frame(), self._stack, self._flight.plan()
+        frame, self._frame = self._frame, None
+        stack, plan = self._stack, self._flight.plan()
         self._gatherer.compare_attitudes(frame)
         stages = None if frame is None else self._control(frame, plan, now_ns)
         facts, phase = self._facts(now_ns), self._flight.phase
@@ -198,7 +199,8 @@ class GcsCore:
             self._rule_state, facts, phase, self._config.limits, now_ns, self._rules_on
         )
         self._flight.judge(verdict, self._rejected.tolist(), now_ns)
-        replies = [reply for request in self._pop_requests() for reply in self._answer(request, now_ns)]
+        requests, self._requests = self._requests, []
+        replies = [reply for request in requests for reply in self._answer(request, now_ns)]
         # After a reinitialisation nothing is sent that was computed for drones at rest.
         current = stages if self._stack is stack else None
         self._flight.update(current, now_ns)
@@ -275,14 +277,6 @@ class GcsCore:
         self._lateness.note(frame.seq, now_ns, overtaken=self._frame is not None)
         self._frame, self._due = frame, True
         self._rejected = frame.rejected
-
-    def _pop_frame(self) -> LabFrame | None:
-        frame, self._frame = self._frame, None
-        return frame
-
-    def _pop_requests(self) -> list[OperatorRequest]:
-        requests, self._requests = self._requests, []
-        return requests
 
     def _control(self, frame: LabFrame, plan: Plan, now_ns: int) -> Stages:
         flies = np.array([drone.floor.lifted and not drone.floor.touched for drone in self._drones])

@@ -69,11 +69,12 @@ class GroundHost:
         without: Without,
         gains: Preset | None = None,
         ingest_s: float = 0.0,
+        second: bool = False,
     ) -> None:
-        """ingest_s: of work that one packet of a drone costs it."""
+        """ingest_s: of work that one packet of a drone costs it. second: beside a first one."""
         self._record = record
         self._recorder = Recorder(record)
-        self._second = False
+        self._second = second
         self._input = ProcessInput[Input]()
         self.name = f"ground-{session}"
         # Of the host's time: simulated time stands still meanwhile, so it only ends what never ends.
@@ -86,11 +87,6 @@ class GroundHost:
         self.due_ns = self._core.next_deadline_ns()
         """When `tick` is due, or telemetry that waits is to be taken in."""
         self._requests = REQUEST_IDS * (session + 1)
-
-    def second(self) -> "GroundHost":
-        """The same as one beside the first."""
-        self._second = True
-        return self
 
     @property
     def is_running(self) -> bool:

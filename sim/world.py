@@ -342,14 +342,15 @@ class World:
             case Family.RESTART, False:
                 self._grounds[0] = self._new_ground(fault)
             case Family.TWIN, True:
-                self._grounds.append(self._new_ground(fault).second())
+                self._grounds.append(self._new_ground(fault))
             case Family.TWIN, False:
                 del self._grounds[1:]
 
     def _new_ground(self, fault: Fault) -> GroundHost:
         ground = GroundHost(
-            self._lab, self._sessions, self.now_ns, self._record, self._without, self._gains, self._ingest_s
-        )
+            self._lab, self._sessions, self.now_ns, self._record, self._without, self._gains, self._ingest_s,
+            second=fault.family is Family.TWIN,
+        )  # fmt: skip
         self._sessions += 1
         if fault.verb is not None:
             self._late_requests.push(self.now_ns + REQUEST_DELAY_NS, (ground, fault.verb))

@@ -4,7 +4,7 @@ Built on wire.autopilots' tables; a drone's heartbeat says which applies. Everyt
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import MappingProxyType
 
 from formation.config import LabConfig
@@ -69,11 +69,6 @@ class GroundModel:
     """Messages that it sends unasked and that nobody here reads: switched off on a link of our own."""
     unready: Callable[[Telemetry], str]
     """Why its estimator cannot carry a flight yet; empty when it can, or does not say."""
-    hover_default: float = field(init=False)
-    """The hover thrust before anyone has measured it, which says nothing of the vehicle."""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "hover_default", self.table.default(self.table.hover_parameter))
 
     @property
     def name(self) -> str:
@@ -81,8 +76,9 @@ class GroundModel:
         return self.table.name
 
     def hover_measured(self, hover_norm: float) -> bool:
-        """Whether this value of its hover thrust is one that flying taught it."""
-        return _HOVER_LEAST < hover_norm < _HOVER_MOST and abs(hover_norm - self.hover_default) > 1e-6
+        """Whether flying taught it this value of its hover thrust; the default says nothing of a vehicle."""
+        is_default = abs(hover_norm - self.table.default(self.table.hover_parameter)) <= 1e-6
+        return _HOVER_LEAST < hover_norm < _HOVER_MOST and not is_default
 
     @property
     def idle_disarm_default_s(self) -> float:

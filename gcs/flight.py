@@ -171,8 +171,7 @@ class Flight:
 
     def go_home(self, transition: Transition, now_ns: int) -> None:
         """Take up the shape in which the drones took off, and have the leader lead them there."""
-        if self._home is None:
-            self._home = Home(self.shape)
+        self._home = self._home or Home(self.shape)
         self.pull(Trigger.START, Cause.OPERATOR, "operator: home", now_ns)
         self.trajectory_start_ns, self._settled_since_ns = None, None
         self.change_formation(transition)
@@ -214,10 +213,11 @@ class Flight:
             self._enter(after, code, cause, now_ns)
 
     def stop(self, now_ns: int) -> None:
-        """Have every drone's motors cut, whatever goes on."""
-        self.pull(Trigger.STOP, Cause.OPERATOR, "operator: stop", now_ns)
+        """Have every drone's motors cut, whatever goes on and whoever takes part; then change the phase."""
         for drone in self._drones:
+            drone.enter(DroneTrigger.STOP, now_ns)
             drone.pursue(now_ns)
+        self.pull(Trigger.STOP, Cause.OPERATOR, "operator: stop", now_ns)
 
     def judge(self, verdict: Verdict, rejected: Sequence[int], now_ns: int) -> None:
         """Apply the verdict of the safety rules. rejected: why the mocap rejects each body's pose (Rejection)."""
@@ -269,8 +269,6 @@ class Flight:
             match before, phase:
                 case _, Phase.ARMED:
                     drone.arm(now_ns)
-                case _, Phase.STOPPED:
-                    drone.enter(DroneTrigger.STOP, now_ns)
                 case Phase.GROUND, Phase.HOLD:
                     drone.join(now_ns)
                 case Phase.GROUND, Phase.LAND:

@@ -205,7 +205,7 @@ class GcsCore:
         current = stages if self._stack is stack else None
         self._flight.update(current, now_ns)
         replies += self._answer_arming(now_ns)
-        streamed = None if current is None or self.phase not in STREAMING else current.target
+        streamed = None if current is None or self._flight.phase not in STREAMING else current.target
         datagrams = self._packets.due(frame, streamed, now_ns)
         self._deadline_ns = self._compute_deadline_ns(now_ns)
         return Outgoing(datagrams=datagrams, replies=tuple(replies), records=self._records(stages))
@@ -222,8 +222,11 @@ class GcsCore:
 
     def _compute_deadline_ns(self, now_ns: int) -> int:
         """When the next frame is overdue, or an urgent command must be repeated, whichever is first."""
-        urgent = (d.link.commands.urgent_ns for d in self._drones if d.stage is Stage.CUT)
-        return min((now_ns + self.watchdog_ns, *(due_ns for due_ns in urgent if due_ns is not None)))
+        deadline_ns = now_ns + self.watchdog_ns
+        for drone in self._drones:
+            if drone.stage is Stage.CUT and drone.link.commands.urgent_ns is not None:
+                deadline_ns = min(deadline_ns, drone.link.commands.urgent_ns)
+        return deadline_ns
 
     def _reinitialise(self, now_ns: int) -> None:
         """Reinitialise the control at the positions of drones just taken over, until they follow it."""

@@ -6,7 +6,7 @@ formation.safety.rules; a new fact a field of `Facts`, which `FactGatherer.gathe
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp
 
@@ -98,10 +98,12 @@ class OpenAlarms:
         """The faults that no rule raises any more, of drones that are still unheard."""
         return tuple(event.text for event in self._open.values())
 
-    def update(self, changes: Iterable[FaultChange], rejected: Sequence[int], now_ns: int) -> list[Event]:
+    def update(self, changes: Sequence[FaultChange], rejected: Sequence[int], now_ns: int) -> list[Event]:
         """Events for faults that began, each with its first cause, and for faults that are over. rejected: why the
         mocap rejects each body's pose."""
-        events = []
+        events = list[Event]()
+        if not changes and not self._open:
+            return events
         for change in changes:
             key = change.vehicle, change.rule.name
             if change.began and key in self._open:

@@ -227,24 +227,19 @@ class DroneLink:
                 messages.append(command)
         if self.parameters.open:
             messages += self.parameters.due(now_ns)
-        if self._origin is not None and not self.telemetry.origin:
-            messages += self._due_origin(now_ns)
+        origin, model = self._origin, self.model
+        if (  # every second until the drone has repeated it or is ready without
+            origin is not None and model is not None and model.table.needs_origin and not self.telemetry.origin
+            and now_ns - self._origin_sent_ns >= ORIGIN_NS and model.unready(self.telemetry)
+        ):  # fmt: skip
+            self._origin_sent_ns = now_ns
+            messages.append(SetOrigin(self.sysid, *origin))
         return messages
 
     def reread_parameters(self) -> None:
         """Ask again for everything that matters before arming."""
         if self.model is not None:
             self.parameters.ask(self.model.parameters)
-
-    def _due_origin(self, now_ns: int) -> list[LinkMessage]:
-        """The origin, every second until the drone has repeated it or is ready without."""
-        model = self.model
-        if self._origin is None or model is None or not model.table.needs_origin or self.telemetry.origin:
-            return []
-        if now_ns - self._origin_sent_ns < ORIGIN_NS or not model.unready(self.telemetry):
-            return []
-        self._origin_sent_ns = now_ns
-        return [SetOrigin(self.sysid, *self._origin)]
 
     def _read(self, message: LinkMessage, now_ns: int) -> None:
         match message:

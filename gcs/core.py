@@ -68,7 +68,6 @@ from wire.lab_surroundings import law_of, printing_to_stderr
 from wire.link_messages import ground_address
 from wire.rejections import RejectionLog
 
-WATCHDOG_FRAMES = 3.0
 REINITIALISE_NS = 400_000_000
 """Period of reinitialising the control after a takeover, until every drone follows it."""
 
@@ -126,8 +125,8 @@ class GcsCore:
         self._arming_request: int | None = None
         self._tick_ns = t0_ns
         self._due = False
-        self.watchdog_ns = round(WATCHDOG_FRAMES / config.mocap.rate_hz * 1e9)
-        """Without a frame for so long, the next one is overdue."""
+        self.watchdog_ns = round(3.0 / config.mocap.rate_hz * 1e9)
+        """Without a frame for so long, three periods, the next one is overdue."""
         self._deadline_ns = t0_ns + self.watchdog_ns
         self._stale_frames = 0
         self._rejected_frames = RejectionLog()

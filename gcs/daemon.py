@@ -80,7 +80,7 @@ BORROWED = Event(
     "its own, [link] zenoh_listen"
 )  # fmt: skip
 LISTENS = Event(Severity.INFO, "ground", f"the lab file names no bus (link.zenoh_connect): it is here, at {ENDPOINT}")
-STATE_NS, DISK_NS = 100_000_000, 1_000_000_000
+STATE_NS = 100_000_000
 STATUS_NS = 20_000_000
 """For so long a state that was worked out answers every status request: a flood of them costs the control nothing."""
 GROUNDED = (Phase.GROUND, Phase.STOPPED)
@@ -226,7 +226,7 @@ class Ground:
         """Read the free disk space once a second, in a thread: a disk may answer late; runs until cancelled."""
         while True:
             self.log_file = await asyncio.to_thread(_measured, self.log.path)
-            await self._clock.sleep_until_ns(self._clock.monotonic_ns() + DISK_NS)
+            await self._clock.sleep_until_ns(self._clock.monotonic_ns() + 1_000_000_000)
 
     def receive_unmet(self, unmet: UnmetParameter) -> None:
         """Receive a parameter that the doctor has recorded: it takes effect at a restart."""

@@ -17,7 +17,6 @@ from wire.transport.link import PAUSE_S
 
 INPUT_EVENT = struct.Struct("llHHi")
 JS_EVENT = struct.Struct("IhBB")
-AGAIN_S = 0.5
 READ_BYTES = 1536
 """A turn reads 64 events of a keyboard and then rests: a joystick whose stick trembles costs the control nothing."""
 FOLDER = Path("/dev/input")
@@ -70,7 +69,7 @@ async def watch_button(button: StopButton | None, ground: StopReceiver) -> None:
             await _until_gone(button, ground)
         except OSError as error:
             ground.button_trouble = f"the stop button does not work: {button.device}: {error.strerror or error}"
-        await asyncio.sleep(AGAIN_S)
+        await asyncio.sleep(0.5)  # then it is tried again
 
 
 async def _until_gone(button: StopButton, ground: StopReceiver) -> None:

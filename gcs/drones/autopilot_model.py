@@ -28,7 +28,6 @@ from wire.link_messages import (
 
 HOVER_WITHIN = 0.15
 """Share by which an autopilot's own hover thrust may differ from the profile's before the ground warns."""
-_HOVER_LEAST, _HOVER_MOST = 0.05, 0.95
 IDLE_DISARM_LEAST_S = 8.0  # arming a swarm takes three seconds, a take-off three more, the operator what is left
 
 
@@ -78,7 +77,7 @@ class GroundModel:
     def hover_measured(self, hover_norm: float) -> bool:
         """Whether flying taught it this value of its hover thrust; the default says nothing of a vehicle."""
         is_default = abs(hover_norm - self.table.default(self.table.hover_parameter)) <= 1e-6
-        return _HOVER_LEAST < hover_norm < _HOVER_MOST and not is_default
+        return 0.05 < hover_norm < 0.95 and not is_default
 
     @property
     def idle_disarm_default_s(self) -> float:

@@ -138,7 +138,9 @@ class Ground:
     def receive_frame(self, frame: LabFrame) -> None:
         """Receive a frame and run a control tick at once."""
         now_ns = self._clock.monotonic_ns()
-        self._frame(frame, now_ns)
+        self._input(frame, now_ns)
+        self.has_frame = True
+        self._frame_seq, self._frame_ns, self._received_ns = frame.seq, now_ns, now_ns
         self._tick(now_ns)
 
     def receive_datagram(self, datagram: Datagram) -> None:
@@ -266,11 +268,6 @@ class Ground:
     def _input(self, message: Input, now_ns: int) -> None:
         self._recorder.input(message, now_ns)
         self._core.receive(message, now_ns)
-
-    def _frame(self, frame: LabFrame, now_ns: int) -> None:
-        self._input(frame, now_ns)
-        self.has_frame = True
-        self._frame_seq, self._frame_ns, self._received_ns = frame.seq, now_ns, now_ns
 
     def _tick_if_due(self) -> None:
         self._tick_scheduled = False

@@ -1,5 +1,7 @@
 """A motor cut as one drone is asked for it: repeated until the drone's own heartbeat says that its motors are off."""
 
+import pytest
+
 from gcs.drones.drone import Drone
 from gcs.drones.link_state import DroneLink
 from gcs.drones.stages import Trigger
@@ -18,14 +20,16 @@ CUT = (400, 0.0, 21196.0)
 ASKS_HEARTBEAT = (MavCommand.REQUEST_MESSAGE, 0.0, 0.0)
 
 
-def test_a_heartbeat_alone_ends_a_motor_cut_and_dates_it():
+@pytest.mark.parametrize("result", [Result.ACCEPTED, Result.DENIED, Result.IN_PROGRESS])
+def test_a_heartbeat_alone_ends_a_motor_cut_and_dates_it(result: Result) -> None:
+    """It goes before all that is asked of a drone just met, and is never given up: 50 times, where 8 are the rule."""
     link, autopilot = a_link(), Autopilot()
     drone = Drone(0, link)
     autopilot.say(link, beat(armed=True), 0)
     _sent(drone, link, 5)
     drone.enter(Trigger.STOP, 10 * MS)
     assert _sent(drone, link, 10) == [CUT]
-    autopilot.say(link, CommandAck(GROUND, 400, Result.ACCEPTED), 12 * MS)  # of `arm`, asked for just before
+    autopilot.say(link, CommandAck(GROUND, 400, result), 12 * MS)  # of `arm`, asked for just before
     for ms in range(20, 500, 10):
         sent = _sent(drone, link, ms)
         assert CUT in sent

@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from gcs.drones.protocols import CommandChannel, ParameterReader, arm, cut, disarm, land, stream
+from gcs.drones.protocols import CommandChannel, ParameterReader, arm, disarm, land, stream
 from wire.link_messages import Address, CommandAck, MavAutopilot, MavCommand, ParamType, ParamValue, Result
 
 DRONE = Address(3, 1)
@@ -51,24 +51,6 @@ def test_progress_puts_the_repeat_off():
     channel.receive(_ack(MavCommand.COMPONENT_ARM_DISARM, Result.IN_PROGRESS), 100 * MS)
     assert channel.due(1000 * MS) is None
     assert channel.due(3200 * MS) is not None
-
-
-def test_an_urgent_command_goes_first_and_is_never_given_up():
-    channel = CommandChannel()
-    channel.ask(arm(DRONE))
-    channel.ask(land(DRONE))
-    channel.due(0)
-    assert disarm(DRONE).params[:2] == (0.0, 0.0)
-    channel.ask_urgently(cut(DRONE))
-    sent = []
-    for ms in range(1, 3000):
-        channel.ask_urgently(cut(DRONE))
-        command = channel.due(ms * MS)
-        if command is not None:
-            sent.append((ms, command.params[:2]))
-    assert len(sent) == 300
-    assert all(params == (0.0, 21196.0) for _, params in sent)
-    assert [sent[1][0] - sent[0][0], sent[2][0] - sent[1][0]] == [10, 10]
 
 
 def _value(name: str, raw: bytes, kind: ParamType) -> ParamValue:
@@ -144,21 +126,6 @@ def test_what_nobody_asked_for_is_not_kept():
     for k in range(5000):
         assert reader.receive(_value(f"P{k}", struct.pack("<i", 1), ParamType.INT32), armed=False)
     assert (reader.values, reader.due(0)) == ({}, [])
-
-
-@pytest.mark.parametrize("result", [Result.ACCEPTED, Result.DENIED, Result.IN_PROGRESS])
-def test_no_answer_ends_or_delays_a_motor_cut(result):
-    """Arming, disarming and the cut share a number: a late answer to `arm` looks like one to the cut."""
-    channel = CommandChannel()
-    channel.ask(arm(DRONE))
-    channel.due(0)
-    channel.ask_urgently(cut(DRONE))
-    assert channel.due(MS).params[:2] == (0.0, 21196.0)
-    for ms in (2, 3):
-        channel.receive(_ack(400, result), ms * MS)
-    assert channel.urgent_ns == 11 * MS
-    assert channel.due(11 * MS).params[:2] == (0.0, 21196.0)
-    assert channel.answers == {}
 
 
 def test_an_answer_counts_for_the_oldest_command_of_its_number():

@@ -84,6 +84,9 @@ class Flight:
         self._spots: Float | None = None
         self._descent: Descent | None = None
 
+    def _report(self, severity: Severity, text: str, code: EventCode, subject: str = "") -> None:
+        self.events.append(Event(severity, "flight", text, code=code, subject=subject))
+
     def exclude(self, excluded: Collection[str]) -> None:
         """Leave out these drones, by body, and no others."""
         for drone in self._drones:
@@ -91,7 +94,7 @@ class Flight:
             drone.excluded = name in excluded
             if drone.excluded != before:
                 text = f"{name} is left out" if drone.excluded else f"{name} takes part again"
-                self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.EXCLUDED, subject=name))
+                self._report(Severity.NOTICE, text, EventCode.EXCLUDED, name)
 
     def leave(self, body: str, spot_m: tuple[float, float]) -> None:
         """Land that drone alone, there; the others fly on without it."""
@@ -100,7 +103,7 @@ class Flight:
                 drone.leaving_to = spot_m
                 drone.floor.reset()
                 text = f"{body} lands alone at x {spot_m[0]:.2f}, y {spot_m[1]:.2f}"
-                self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.EXCLUDED, subject=body))
+                self._report(Severity.NOTICE, text, EventCode.EXCLUDED, body)
 
     @property
     def is_led_home(self) -> bool:
@@ -131,9 +134,7 @@ class Flight:
     def choose(self, trajectory: str, about: str) -> None:
         """Have the leader fly that one of the lab's trajectories when it is started next; about: it in words."""
         self.trajectory_name, self.config, self.interrupted_s = trajectory, self.lab.flying(trajectory), None
-        self.events.append(
-            Event(Severity.NOTICE, "flight", f"trajectory {trajectory}: {about}", code=EventCode.TRAJECTORY)
-        )
+        self._report(Severity.NOTICE, f"trajectory {trajectory}: {about}", EventCode.TRAJECTORY)
 
     def choose_shape(self, shape: Shape) -> None:
         """Have the next start take up that shape."""
@@ -147,16 +148,12 @@ class Flight:
     def change_formation(self, transition: Transition) -> None:
         """Change the formation to a shape by a transition."""
         self.shape, self.rise_m = transition.shape, transition.rise_m
-        self.events.append(
-            Event(
-                Severity.NOTICE,
-                "flight",
-                f"shape {transition.shape.name} in {transition.duration_s:.1f} s; "
-                f"nearest on the way {transition.separation_m:.2f} m, "
-                f"{np.count_nonzero(transition.rise_m)} of {len(transition.rise_m)} pass above or below",
-                code=EventCode.SHAPE,
-            )
+        change = (
+            f"shape {transition.shape.name} in {transition.duration_s:.1f} s; "
+            f"nearest on the way {transition.separation_m:.2f} m, "
+            f"{np.count_nonzero(transition.rise_m)} of {len(transition.rise_m)} pass above or below"
         )
+        self._report(Severity.NOTICE, change, EventCode.SHAPE)
 
     def start_shape(self) -> Shape:
         """The shape in which the drones took off, about their leader; who is left out keeps its slot."""
@@ -240,7 +237,7 @@ class Flight:
             if drone.detect_pilot(now_ns):
                 name = drone.link.name
                 text = f"{name}: a pilot flies it ({drone.link.mode}), it is left alone"
-                self.events.append(Event(Severity.WARNING, "flight", text, code=EventCode.PILOT, subject=name))
+                self._report(Severity.WARNING, text, EventCode.PILOT, name)
         PHASES[self.phase].watch(self, stages, now_ns)
         if stages is not None and self.phase in (Phase.HOLD, Phase.FORMATION):
             self._watch_leaving(stages, now_ns)
@@ -264,7 +261,7 @@ class Flight:
             self.shape, self._home = self._home.shape_before, None
         self.changes.append(PhaseChange(phase, cause, code))
         entered = f"{before.name} -> {phase.name}: {cause}"
-        self.events.append(Event(Severity.NOTICE, "flight", entered, code=EventCode.PHASE))
+        self._report(Severity.NOTICE, entered, EventCode.PHASE)
         for drone in self._drones:
             match before, phase:
                 case _, Phase.ARMED:
@@ -320,11 +317,11 @@ class Flight:
         if not before:
             window_s = max(left_s - TAKE_OFF_S, 0.0)
             text = f"every drone is armed; {name} disarms itself in {left_s:.1f} s: take off within {window_s:.1f} s"
-            self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.TAKE_OFF_WINDOW))
+            self._report(Severity.NOTICE, text, EventCode.TAKE_OFF_WINDOW)
         if left_s < TAKE_OFF_S and not self._too_late:
             self._too_late = True
             text = f"too late for a take-off: {name} disarms itself in {left_s:.1f} s"
-            self.events.append(Event(Severity.WARNING, "flight", text, code=EventCode.TAKE_OFF_TOO_LATE))
+            self._report(Severity.WARNING, text, EventCode.TAKE_OFF_TOO_LATE)
 
     def _watch_take_off(self, stages: Stages | None, now_ns: int) -> None:
         """A drone that disarms on the floor ends the take-off for all; those in the air land, it is not in the air."""
@@ -371,7 +368,7 @@ class Flight:
             text = (
                 f"the trajectory begins {(now_ns - self.begin_ns) * 1e-9:.1f} s late: not every slot was taken in time"
             )
-            self.events.append(Event(Severity.WARNING, "flight", text, code=EventCode.TRAJECTORY))
+            self._report(Severity.WARNING, text, EventCode.TRAJECTORY)
         self.trajectory_from = np.array([*stages.state.pos_lab_m[0], stages.state.yaw_rad[0]])
         self.trajectory = trajectory_from(self.config, self.trajectory_from)
 
@@ -386,7 +383,7 @@ class Flight:
         if not home.reached and hypot(at_m[0] - x_m, at_m[1] - y_m) < OVER_SPOT_M:
             home.reached = True
             text = "every drone is above where it took off: land"
-            self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.HOME))
+            self._report(Severity.NOTICE, text, EventCode.HOME)
 
     def _watch_landing(self, stages: Stages | None, now_ns: int) -> None:
         if stages is not None:
@@ -421,7 +418,7 @@ class Flight:
                 end = "a pilot flies it" if drone.piloted else "has landed and is disarmed, the others fly on"
                 name = drone.link.name
                 text = f"{name}: {end}"
-                self.events.append(Event(Severity.NOTICE, "flight", text, code=EventCode.EXCLUDED, subject=name))
+                self._report(Severity.NOTICE, text, EventCode.EXCLUDED, name)
 
     @property
     def not_landed(self) -> tuple[str, ...]:
@@ -436,7 +433,7 @@ class Flight:
         code = Cause.LEFT_TO_PILOT if any(drone.piloted for drone in self._drones) else Cause.LANDED
         if any(not drone.piloted and not drone.is_landed for drone in self._participants):
             code = Cause.NOT_LANDED
-            self.events.append(Event(Severity.CRITICAL, "flight", text, code=EventCode.NOT_LANDED))
+            self._report(Severity.CRITICAL, text, EventCode.NOT_LANDED)
         self.pull(Trigger.DISARMED, code, text, now_ns)
 
     def _end_landing(self, now_ns: int) -> None:
@@ -458,7 +455,7 @@ class Flight:
         """Release a drone to its autopilot's own landing, and report it."""
         name = drone.link.name
         text = f"{name} {why}: commanded to land by itself"
-        self.events.append(Event(Severity.ERROR, "flight", text, code=EventCode.RELEASED, subject=name))
+        self._report(Severity.ERROR, text, EventCode.RELEASED, name)
         drone.enter(DroneTrigger.RELEASE, now_ns)
 
     def _lead_down(self, stages: Stages, now_ns: int) -> None:

@@ -115,11 +115,6 @@ def style(alarm: Alarm) -> str:
     return "dim" if alarm.acknowledged else _STYLES[alarm.level]
 
 
-def is_loud(alarms: Iterable[Alarm]) -> bool:
-    """Whether there is something to be heard."""
-    return any(alarm.severity <= LOUD and not alarm.acknowledged for alarm in alarms)
-
-
 class ShownAlarms:
     """The ground keeps its alarms; those of a ground that is gone stay here until they are acknowledged."""
 
@@ -169,7 +164,7 @@ class ShownAlarms:
     @property
     def loud(self) -> bool:
         """Whether there is something to be heard."""
-        return is_loud(self.open)
+        return any(alarm.severity <= LOUD and not alarm.acknowledged for alarm in self.open)
 
 
 def severities(alarms: Iterable[Alarm]) -> str:

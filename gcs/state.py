@@ -43,6 +43,7 @@ def ground_state(
 ) -> GroundState:  # fmt: skip
     """The whole state but the host's part, for people and scripts."""
     numbers = _Numbers(facts, stages, config, leads=flight.phase in STREAMING)
+    (path, t_s), end_ns = flight.trajectory_progress(now_ns), flight.landing_end_ns
     start, arming = flight.trajectory_from, about.allowed[Verb.ARM] if flight.phase is Phase.GROUND else ()
     return GroundState(
         phase=flight.phase,
@@ -61,9 +62,9 @@ def ground_state(
         trajectory=flight.trajectory_name,
         trajectory_started=flight.trajectory_start_ns is not None,
         trajectory_done=flight.trajectory_done(now_ns),
-        trajectory_s=_trajectory(flight, now_ns),
+        trajectory_s=None if path is None else (round(min(t_s, path.duration_s), 1), round(path.duration_s, 1)),
         trajectory_from=None if start is None else tuple(start.round(3).tolist()),
-        landing_left_s=_landing_left(flight, now_ns),
+        landing_left_s=None if end_ns is None else round(max((end_ns - now_ns) * 1e-9, 0.0), 1),
         shape=flight.shape.name,
         slots_lead_m=tuple((round(x, 3), round(y, 3), round(z, 3)) for x, y, z in flight.shape.offset_lead_m),
         drones=tuple(
@@ -156,20 +157,6 @@ def _drone_state(drone: Drone, m: int, numbers: _Numbers, rejected: str | None, 
         rejected=rejected,
         excluded=drone.excluded,
     )
-
-
-def _trajectory(flight: Flight, now_ns: int) -> tuple[float, float] | None:
-    """Time along the leader's trajectory and its duration, s; None before it has begun."""
-    path, t_s = flight.trajectory_progress(now_ns)
-    return None if path is None else (round(min(t_s, path.duration_s), 1), round(path.duration_s, 1))
-
-
-def _landing_left(flight: Flight, now_ns: int) -> float | None:
-    """How long a landing may still take, s."""
-    end_ns = flight.landing_end_ns
-    if flight.phase is not Phase.LAND or end_ns is None:
-        return None
-    return round(max((end_ns - now_ns) * 1e-9, 0.0), 1)
 
 
 def _seen_rows(values: Float, seen: Sequence[bool]) -> list[Any]:

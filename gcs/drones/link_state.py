@@ -201,7 +201,10 @@ class DroneLink:
             if packet.source.component != DRONE_COMPONENT:
                 continue
             if packet.source.system != self.sysid:
-                self._detect_foreign_sysid(packet.source.system, now_ns)
+                if packet.source.system != self.telemetry.foreign_sysid:
+                    self.telemetry.foreign_sysid = packet.source.system
+                    text = f"drone {packet.source.system} answers on the link of drone {self.sysid}"
+                    self.reports.add(Severity.ERROR, text, now_ns)
                 continue
             self.telemetry.received_ns = now_ns
             self.sequence.note(packet.seq, now_ns, self.codec.misaddressed_packets)
@@ -376,11 +379,6 @@ class DroneLink:
             return
         if other.component in GROUND_COMPONENTS:
             self.telemetry.other_ground_ns = now_ns
-
-    def _detect_foreign_sysid(self, system: int, now_ns: int) -> None:
-        if system != self.telemetry.foreign_sysid:
-            self.telemetry.foreign_sysid = system
-            self.reports.add(Severity.ERROR, f"drone {system} answers on the link of drone {self.sysid}", now_ns)
 
 
 def _fraction(remaining: float) -> float:

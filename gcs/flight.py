@@ -38,7 +38,6 @@ AT_HEIGHT_M = 0.05
 LED_THERE_M, LED_AT_REST_M_S2 = 0.001, 0.001
 IN_SLOT_M = 0.01
 OVER_SPOT_M = 0.05
-SEEN_S = 0.1
 
 
 @dataclass(slots=True)
@@ -286,7 +285,8 @@ class Flight:
         positions_m, ages_s = stages.state.pos_lab_m.tolist(), stages.state.age_s.tolist()
         for drone, thrust_norm in zip(self._drones, stages.target.thrust_norm.tolist(), strict=True):
             x_m, y_m, z_m = positions_m[drone.index]
-            drone.floor.detect_lift_off(drone.link, (x_m, y_m, z_m), ages_s[drone.index] < SEEN_S, thrust_norm)
+            was_seen = ages_s[drone.index] < 0.1
+            drone.floor.detect_lift_off(drone.link, (x_m, y_m, z_m), was_seen, thrust_norm)
             if steady and drone.leaving_to is None:
                 drone.floor.update_flying_thrust(thrust_norm)
 

@@ -17,7 +17,6 @@ AT_REST_LAG_S = 0.15  # 4 mm of noise at 30 Hz are 0.02 m/s
 LIFTED_M = 0.02
 LIFTING_THRUST = 1.1  # of what hovers it: who follows that does not stay on the floor
 LOW_THRUST = 0.92  # of what it flew with: who follows that in the air is not at rest for 0.3 s
-THRUST_MEMORY = 0.005
 
 
 @dataclass(slots=True)
@@ -57,9 +56,9 @@ class LandDetector:
             self.lifted = thrust_norm > LIFTING_THRUST * link.hover_thrust_norm
 
     def update_flying_thrust(self, thrust_norm: float) -> None:
-        """Update the mean thrust in flight, over some two seconds."""
+        """Update the mean thrust in flight, over some two hundred frames."""
         before = self.flying_thrust_norm or thrust_norm
-        self.flying_thrust_norm = before + THRUST_MEMORY * (thrust_norm - before)
+        self.flying_thrust_norm = before + 0.005 * (thrust_norm - before)
 
     def detect_touch_down(
         self, link: DroneLink, vz_m_s: float, above_reference_m: float, thrust_norm: float, now_ns: int

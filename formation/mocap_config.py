@@ -22,11 +22,14 @@ from formation.model import (
 
 Port = Annotated[int, NoFlag, Field(ge=1, le=65_535)]
 Seconds = Annotated[float, NoFlag, Field(ge=0.0, le=0.5)]
-SensorId = Annotated[int, NoFlag, Field(ge=0, le=2**31 - 1)]
 SourceText = Annotated[str, Field(min_length=1, max_length=128)]
 """A body's name as the camera system writes it, blanks and all."""
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 CAMERA_SYSTEMS = ("vrpn", "chingmu", "natnet", "qualisys", "vicon", "ros2")
+BODY_BY_BODY = ("vrpn", "chingmu", "ros2")
+"""What these send is a message a body, of which frames are assembled."""
+FIRST_SENSOR = 300
+"""Number of Chingmu's first rigid body; below are its markers."""
 MILLIMETRES = ("chingmu", "qualisys", "vicon")
 """What these send, whatever else is set."""
 IN_METRES = ("zenoh", "ros2")
@@ -43,21 +46,21 @@ _POINTING = {
     "down": (0, 0, -1),
 }
 _Row = tuple[float, float, float]
+_OLD_KEYS = {
+    "assemble_s": "write mocap.assemble_s",
+    "repeats_are_lost": "write mocap.repeats_are_lost",
+    "first_sensor": "write the sensors' numbers into mocap.names",
+}
 
 
 class VrpnConfig(Model):
-    """A VRPN server: one tracker a body. assemble_s: how long the poses of one exposure are waited for at most.
-
-    udp: poses as datagrams. repeats_are_lost: a pose that repeats to the last bit, of a body with noise, is no pose.
-    """
+    """A VRPN server: one tracker a body. udp: poses as datagrams."""
 
     host: Host = "127.0.0.1"
     """Computer of the server."""
     port: Port = 3883
     """TCP port of the server."""
     udp: Flag = False
-    assemble_s: Annotated[float, NoFlag, Field(gt=0.0, le=0.01)] = 0.002
-    repeats_are_lost: Flag = True
 
 
 class ChingmuConfig(Model):
@@ -69,12 +72,6 @@ class ChingmuConfig(Model):
     """TCP port of the server."""
     device: Name = "MCServer"
     """Name of the VRPN device."""
-    first_sensor: SensorId = 300
-    """Rigid bodies are sensors from here on: the lab's bodies in their order, where [mocap.names] does not say."""
-    assemble_s: Annotated[float, NoFlag, Field(gt=0.0, le=0.01)] = 0.002
-    """Longest wait for the poses of one exposure."""
-    repeats_are_lost: Flag = True
-    """Whether a pose that repeats to the last bit counts as not seen."""
 
 
 class NatNetConfig(Model):
@@ -132,10 +129,6 @@ class Ros2Config(Model):
     """Topic of a body, of PoseStamped or Odometry; without {body} that of all bodies, of NamedPoseArray."""
     leader: Topic | None = None
     """Topic of the leader, where it is another one: of a robot that says itself where it is."""
-    assemble_s: Annotated[float, NoFlag, Field(gt=0.0, le=0.01)] = 0.005
-    """Longest wait for the poses of one exposure."""
-    repeats_are_lost: Flag = True
-    """Whether a pose that repeats to the last bit counts as not seen."""
 
 
 class MocapConfig(Model):
@@ -163,6 +156,10 @@ class MocapConfig(Model):
     origin_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
     """Origin of the cameras' axes in `lab`."""
     names: dict[SourceText, Name] = Field(default_factory=dict)
+    assemble_s: Annotated[float, NoFlag, Field(gt=0.0, le=0.01)] | None = None
+    """Longest wait for the poses of one exposure where a body is a message of its own; not given: 2 ms, ROS 2 5 ms."""
+    repeats_are_lost: Flag = True
+    """Whether a pose that repeats to the last bit, of a body with noise, counts as not seen; of the same sources."""
     vrpn: VrpnConfig | None = None
     chingmu: ChingmuConfig | None = None
     natnet: NatNetConfig | None = None
@@ -180,16 +177,26 @@ class MocapConfig(Model):
         """The least time from exposure to receipt."""
         return self.delay_s if self.latency_s is None else self.latency_s
 
+    @property
+    def assemble_ns(self) -> int:
+        """How long a frame of a source that sends a message a body waits for its last pose."""
+        return round(1e9 * (self.assemble_s or (0.005 if self.source == "ros2" else 0.002)))
+
     def source_name(self, body: str) -> str:
         """What the source calls the lab's body."""
         return next((theirs for theirs, ours in self.names.items() if ours == body), body)
 
     @model_validator(mode="before")
     @classmethod
-    def _source_is_of_cameras(cls, values: Any) -> Any:
-        if isinstance(values, dict) and values.get("source") == "mavlink":
+    def _no_key_is_old(cls, values: Any) -> Any:
+        if not isinstance(values, dict):
+            return values
+        if values.get("source") == "mavlink":
             why = 'is gone: write "zenoh", and let examples/sitl_poses.py publish what the simulators say'
             raise WrongKeyError("source", why, "mavlink")
+        for system in BODY_BY_BODY:
+            for key in _OLD_KEYS.keys() & (values.get(system) or ()):
+                raise WrongKeyError(f"{system}.{key}", f"is gone: {_OLD_KEYS[key]}")
         return values
 
     @model_validator(mode="before")

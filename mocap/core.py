@@ -12,6 +12,7 @@ import numpy as np
 from formation.config import LabConfig
 from formation.maths.frames import IDENTITY
 from formation.messages import Event, LabFrame, RawFrame, Rejection, Severity
+from formation.mocap_config import BODY_BY_BODY
 from mocap.alignment import Alignment
 from mocap.retiming import LONGEST_GAP, Retiming
 from mocap.sources import poses
@@ -23,7 +24,7 @@ MOST_UNKNOWN = 16
 """How many bodies that are none of the lab's are remembered, to name them."""
 TURNS, TWO_SHARE = 50, 0.2
 """Over so many frames, numbers that go back in this share are two publishers'."""
-UNNUMBERED = ("vrpn", "chingmu", "ros2", "csv")
+UNNUMBERED = (*BODY_BY_BODY, "csv")
 """Sources without numbers of their own: ours follow from the stamps."""
 SOURCE = "mocap"
 

@@ -29,7 +29,7 @@ from formation.guidance.trajectory import anchored
 from formation.maths.arrays import Float
 from formation.maths.frames import multiply
 from formation.messages import FARTHEST_M
-from formation.mocap_config import CAMERA_SYSTEMS
+from formation.mocap_config import BODY_BY_BODY, CAMERA_SYSTEMS
 from formation.model import QuatTuple
 from formation.safety.rules_table import STALE_SETPOINT_S
 from formation.trajectory_config import KINDS
@@ -389,6 +389,9 @@ def _camera_system(config: LabConfig, keys: Keys) -> Iterator[Finding]:
     for system in CAMERA_SYSTEMS:
         if system != mocap.source and getattr(mocap, system) is not None:
             yield keys.warn(f"mocap.{system}", UNUSED, f'the source is "{mocap.source}"')
+    for key in ("assemble_s", "repeats_are_lost"):
+        if key in mocap.model_fields_set and mocap.source not in BODY_BY_BODY:
+            yield keys.warn(f"mocap.{key}", UNUSED, f'source "{mocap.source}" sends whole frames')
     if mocap.names and mocap.source not in CAMERA_SYSTEMS:
         yield keys.warn("mocap.names", UNUSED, f'source "{mocap.source}" names bodies as the lab does')
     bodies = {v.body for v in config.vehicles}

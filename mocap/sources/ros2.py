@@ -36,9 +36,9 @@ class Ros2Source:
         how = Assembling(
             feed=feed,
             pacing=Pacing(1e9 / config.mocap.rate_hz),
-            assemble_ns=round(self._config.assemble_s * 1e9),
+            assemble_ns=config.mocap.assemble_ns,
             latency_ns=round(config.mocap.constant_latency_s * 1e9),
-            repeats_are_lost=self._config.repeats_are_lost,
+            repeats_are_lost=config.mocap.repeats_are_lost,
         )
         self._pacing, self._frames = how.pacing, PoseFrames(how)
         self._expiry: Expiry | None = None

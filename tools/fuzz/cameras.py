@@ -86,7 +86,7 @@ SERVERS: Mapping[str, Callable[[], Qtm | Vicon | Vrpn]] = MappingProxyType(
         "qualisys": Qtm,
         "vicon": Vicon,
         "vrpn": lambda: Vrpn(TrackerEach(1.0)),
-        "chingmu": lambda: Vrpn(SensorEach(0.001, "MCServer", 300, {})),
+        "chingmu": lambda: Vrpn(SensorEach(0.001, "MCServer", {})),
     }
 )
 

@@ -14,7 +14,7 @@ from typing import Protocol
 
 from formation.config import LabConfig
 from formation.messages import Severity
-from formation.mocap_config import ChingmuConfig, VrpnConfig
+from formation.mocap_config import FIRST_SENSOR, ChingmuConfig, VrpnConfig
 from formation.model import LONGEST_NAME
 from mocap.sources.pose_frames import MOST_BODIES, Assembling, Expiry, Pacing, PoseFrames
 from mocap.sources.source import Feed, SourceStatus, seconds
@@ -66,7 +66,7 @@ class Sensors:
 
     def __init__(self, config: ChingmuConfig, lab: tuple[str, ...], names: dict[str, str]) -> None:
         self._device = config.device
-        free = (str(n) for n in count(config.first_sensor) if str(n) not in names)
+        free = (str(n) for n in count(FIRST_SENSOR) if str(n) not in names)
         unnamed = (body for body in lab if body not in names.values())
         self._bodies = names | dict(zip(free, unnamed, strict=False))
         self._lab = lab
@@ -290,27 +290,27 @@ class Datagrams:
 def vrpn_source(config: LabConfig, feed: Feed) -> "VrpnSource":
     """Source `vrpn`."""
     server = config.mocap.vrpn or VrpnConfig()
-    return VrpnSource(server, server.udp, _knowledge(config, server, Trackers(_bodies(config), feed.name), feed))
+    return VrpnSource(server, server.udp, _knowledge(config, Trackers(_bodies(config), feed.name), feed))
 
 
 def chingmu_source(config: LabConfig, feed: Feed) -> "VrpnSource":
     """Source `chingmu`."""
     server = config.mocap.chingmu or ChingmuConfig()
     naming = Sensors(server, _bodies(config), config.mocap.names)
-    return VrpnSource(server, False, _knowledge(config, server, naming, feed))
+    return VrpnSource(server, False, _knowledge(config, naming, feed))
 
 
 def _bodies(config: LabConfig) -> tuple[str, ...]:
     return tuple(vehicle.body for vehicle in config.vehicles)
 
 
-def _knowledge(config: LabConfig, server: VrpnConfig | ChingmuConfig, naming: Naming, feed: Feed) -> SourceState:
+def _knowledge(config: LabConfig, naming: Naming, feed: Feed) -> SourceState:
     how = Assembling(
         feed=feed,
         pacing=Pacing(1e9 / config.mocap.rate_hz),
-        assemble_ns=round(server.assemble_s * 1e9),
+        assemble_ns=config.mocap.assemble_ns,
         latency_ns=round(config.mocap.constant_latency_s * 1e9),
-        repeats_are_lost=server.repeats_are_lost,
+        repeats_are_lost=config.mocap.repeats_are_lost,
     )
     return SourceState(naming, how)
 

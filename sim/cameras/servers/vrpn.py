@@ -10,7 +10,7 @@ import numpy as np
 
 from formation.maths.arrays import Quat, Vec3
 from formation.messages import RawFrame
-from formation.mocap_config import ChingmuConfig, MocapConfig, VrpnConfig
+from formation.mocap_config import FIRST_SENSOR, ChingmuConfig, MocapConfig, VrpnConfig
 from mocap.sources.tcp import ProtocolError
 from mocap.sources.vrpn import messages
 from mocap.sources.vrpn.messages import Stream
@@ -65,7 +65,6 @@ class SensorEach:
 
     unit_m: float
     device: str
-    first_sensor: int
     names: dict[str, str]
     """Bodies to the numbers of their sensors, where they are not the next free ones."""
     _numbers: dict[str, int] = field(default_factory=dict)
@@ -91,7 +90,7 @@ class SensorEach:
     def _number(self, body: str) -> int:
         number = self._numbers.get(body)
         if number is None:
-            named, number = self.names.get(body), self.first_sensor
+            named, number = self.names.get(body), FIRST_SENSOR
             used = {str(other) for other in self._numbers.values()}.union(self.names.values())
             while str(number) in used:
                 number += 1
@@ -237,7 +236,7 @@ def chingmu_server(config: MocapConfig, bodies: tuple[str, ...], clock: Clock) -
     """One device; the lab's bodies are sensors by `[mocap.names]`, the others in their order."""
     at = config.chingmu or ChingmuConfig()
     sensors = {body: number for number, body in config.names.items()}
-    kind = SensorEach(config.unit_m, at.device, at.first_sensor, sensors)
+    kind = SensorEach(config.unit_m, at.device, sensors)
     return VrpnServer(Address(at.host, at.port), kind, bodies, CHINGMU_COOKIE, clock)
 
 

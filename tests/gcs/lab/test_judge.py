@@ -133,6 +133,7 @@ WARNED: list[tuple[str, dict[str, object], str, str]] = [
     ("late poses", {"mocap": {"delay_s": 0.2}}, "mocap.delay_s", "seconds are meant"),
     ("another system's table", {"mocap": {"source": "vrpn", "vrpn": {"host": "10.0.0.1"}, "natnet": {}}},
      "mocap.natnet", '"vrpn"'),
+    ("nothing to assemble", {"mocap": {"assemble_s": 0.002}}, "mocap.assemble_s", "whole frames"),
     ("names for nobody", {"mocap": {"names": {"A": "lead"}}}, "mocap.names", "as the lab does"),
     ("nothing guards it", {"leader": {**LEADER, "profile": "px4_quad", "link": "udp:127.0.0.1:14550", "guard": "none"},
                            "followers": followers(RIGHT, LEFT, profile="px4_quad"),

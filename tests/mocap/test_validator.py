@@ -11,7 +11,8 @@ import pytest
 from formation.maths import frames
 from formation.messages import LabFrame, Rejection
 from mocap.core import MocapCore
-from mocap.validator import RECOVERY_FRAMES, PoseValidator, StampWatch
+from mocap.pose_checks import RECOVERY_FRAMES
+from mocap.validator import PoseValidator, StampWatch
 from tests.mocap.test_retiming import Stream
 from tests.mocap.validator_rig import BODIES, MS, POSITIONS_LAB_M, T0_NS, TURNED, UPRIGHT, Fault, ValidatorRig, lab
 

@@ -21,8 +21,8 @@ from gcs.alarms import EventMemory
 from gcs.live import Live
 from gcs.page.model import Model
 from mocap.core import MocapCore
+from mocap.pose_checks import RELEARN_FRAMES
 from mocap.retiming import GOES_ON, LONGEST_GAP
-from mocap.validator import RELEARN_FRAMES
 from tests.drone_agent.agent_harness import Harness, hover_at
 from tests.gcs.fakes import FakeLab, triangle
 from tools.fuzz.draw import LAB, RAW, REQUEST, TEXTS, Draw

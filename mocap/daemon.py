@@ -118,7 +118,7 @@ class Mocap:
         self._parent = os.getppid()
         self._unknown = 0
         feed = Feed(config.mocap, self.receive_frame, self.report, reject_log, clock)
-        self.source = open_source(config, bus, feed, self.receive_frame)
+        self.source = open_source(config, bus, feed)
 
     def receive_frame(self, frame: RawFrame) -> None:
         """Receive a frame and publish it at once."""

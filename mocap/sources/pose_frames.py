@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.maths.arrays import Bool, Float
-from formation.messages import Severity
+from formation.messages import RawFrame, Severity
 from mocap.capture_time import CaptureTime
 from mocap.sources.poses import from_quaternions
 from mocap.sources.source import Feed
@@ -399,7 +399,8 @@ class PoseFrames:
         t_capture_ns = self._time.capture_ns(exposure.stamp_ns, exposure.arrived_ns)
         self.latency_ns = exposure.arrived_ns - t_capture_ns
         rows, seen = self.rows.fill(exposure)
-        feed.frame(seq, t_capture_ns, self.rows.names, *from_quaternions(rows, feed.unit_m), seen)
+        placed = from_quaternions(rows, feed.unit_m)
+        feed.deliver(RawFrame(seq, t_capture_ns, self.rows.names, *placed, seen))
 
 
 class Expiry:

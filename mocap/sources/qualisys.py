@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from qtm_rt.packet import QRTComponentType, QRTEvent, QRTPacket, QRTPacketType
 
-from formation.messages import Severity
+from formation.messages import RawFrame, Severity
 from formation.mocap_config import QualisysConfig
 from mocap.capture_time import CaptureTime
 from mocap.sources.numbered import NumberedFrames
@@ -137,7 +137,7 @@ class QualisysSession:
     def __init__(
         self,
         deliver: Callable[[SixD, int], None],
-        named: Callable[[tuple[str, ...]], None],
+        named: Callable[[tuple[str, ...]], object],
         feed: Feed,
         now_ns: int,
     ) -> None:
@@ -292,13 +292,13 @@ class Qualisys:
 
     def open(self, now_ns: int, _ours: str, _theirs: str) -> tuple[QualisysSession, bytes]:
         """A new connection's session; QTM speaks first."""
-        return QualisysSession(self._receive, self._frames.name, self._feed, now_ns), b""
+        return QualisysSession(self._receive, self._frames.body_list.receive, self._feed, now_ns), b""
 
     def _receive(self, frame: SixD, now_ns: int) -> None:
         seq = self._frames.number(frame.number)
         if seq is None:
             return
         t_capture_ns = self._time.capture_ns(frame.stamp_us * NS_PER_US, now_ns)
-        self._frames.note_exposed(t_capture_ns, now_ns)
+        self._frames.latency_ns = now_ns - t_capture_ns
         placed = from_matrices(frame.rows, by_columns=True, unit_m=self._feed.unit_m, lost_is_nan=True)
-        self._feed.frame(seq, t_capture_ns, self._frames.bodies, *placed)
+        self._feed.deliver(RawFrame(seq, t_capture_ns, self._frames.body_list.bodies, *placed))

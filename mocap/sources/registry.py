@@ -20,9 +20,9 @@ POLL_NS = 100_000_000
 class BusSource:
     """Whoever publishes. Its stamps are on our clock already, or 0."""
 
-    def __init__(self, bus: MocapBus, deliver: Callable[[RawFrame], None]) -> None:
+    def __init__(self, bus: MocapBus, feed: Feed) -> None:
         self._bus = bus
-        self._deliver = deliver
+        self._deliver = feed.deliver
         self._status = SourceStatus(server="the lab's bus")
 
     async def run(self) -> None:
@@ -43,15 +43,12 @@ class BusSource:
 class Recording:
     """A leader's recorded poses in real time, once somebody listens; MocapFileError for a file that cannot be used."""
 
-    def __init__(
-        self, config: LabConfig, deliver: Callable[[RawFrame], None], has_listener: Callable[[], bool], feed: Feed
-    ) -> None:
+    def __init__(self, config: LabConfig, has_listener: Callable[[], bool], feed: Feed) -> None:
         path, bodies, seen = Path(config.mocap.file or ""), (config.leader.body,), np.ones(1, np.bool_)
         recorded = read_recording(path, config.leader.body, config.mocap.unit_m)
         poses = zip(recorded.t_ns.tolist(), recorded.pos_mocap_m, recorded.q_mocap_from_marker, strict=True)
         self._frames = [RawFrame(i, t_ns, bodies, pos[None], q[None], seen) for i, (t_ns, pos, q) in enumerate(poses)]
         self._delay_ns = round(config.mocap.delay_s * 1e9)
-        self._deliver = deliver
         self._has_listener = has_listener
         self._feed = feed
         self._status = SourceStatus(server=str(path), bodies=bodies)
@@ -66,7 +63,7 @@ class Recording:
         for frame in self._frames:
             t_ns = start_ns + frame.t_capture_ns
             await clock.sleep_until_ns(t_ns + self._delay_ns)
-            self._deliver(replace(frame, t_capture_ns=t_ns))
+            self._feed.deliver(replace(frame, t_capture_ns=t_ns))
         self._status = replace(self._status, connected=False)
         self._feed.report(Severity.WARNING, "the recording is over")
         await asyncio.get_running_loop().create_future()
@@ -76,18 +73,18 @@ class Recording:
         return self._status
 
 
-def open_source(config: LabConfig, bus: MocapBus, feed: Feed, deliver: Callable[[RawFrame], None]) -> Source:
+def open_source(config: LabConfig, bus: MocapBus, feed: Feed) -> Source:
     """The source that `[mocap] source` names; nothing is reached before it is run.
 
-    deliver: of frames that are raw frames already. Raises MocapFileError for a file that cannot be used.
+    Raises MocapFileError for a file that cannot be used.
     """
     lab = tuple(v.body for v in config.vehicles)
     latency_ns = round(1e9 * config.mocap.constant_latency_s)
     match config.mocap.source:
         case "zenoh":
-            return BusSource(bus, deliver)
+            return BusSource(bus, feed)
         case "csv":
-            return Recording(config, deliver, lambda: bus.has_subscribers, feed)
+            return Recording(config, lambda: bus.has_subscribers, feed)
         case "vrpn":
             from mocap.sources.vrpn.session import vrpn_source
 

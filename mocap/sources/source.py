@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from formation.maths.arrays import Bool, Float
 from formation.messages import Event, RawFrame, Severity
 from formation.mocap_config import MocapConfig
 from formation.model import LONGEST_NAME
@@ -63,7 +62,8 @@ class Feed:
     ) -> None:
         self.clock = clock
         self.unit_m = config.unit_m
-        self._deliver = deliver
+        self.deliver = deliver
+        """Receives one exposure, stamped on our clock, bodies by `name`; any numbers at all: they are judged later."""
         self._report = report
         self._reject_log = reject_log
         self._source = config.source
@@ -72,13 +72,6 @@ class Feed:
     def name(self, theirs: str) -> str:
         """The lab's name of the body that the source calls `theirs`."""
         return self._names.get(theirs) or plain(theirs, LONGEST_NAME)
-
-    def frame(self, seq: int, t_capture_ns: int, bodies: tuple[str, ...], pos_m: Float, q: Float, seen: Bool) -> None:
-        """One exposure: positions (n, 3), marker frames (n, 4) w x y z, seen (n,), bodies by `name`.
-
-        t_capture_ns: on our clock. Any numbers at all: they are judged afterwards, body by body.
-        """
-        self._deliver(RawFrame(seq, t_capture_ns, bodies, pos_m, q, seen))
 
     def report(self, severity: Severity, text: str) -> None:
         """Report an event to the operator."""

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from formation.messages import RawFrame
 from formation.mocap_config import ViconConfig
 from mocap.capture_time import CaptureTime
 from mocap.sources.numbered import NumberedFrames
@@ -240,7 +241,7 @@ class ViconSession:
     def __init__(
         self,
         deliver: Callable[[ViconFrame, int], None],
-        named: Callable[[tuple[str, ...]], None],
+        named: Callable[[tuple[str, ...]], object],
         feed: Feed,
         now_ns: int,
     ) -> None:
@@ -364,15 +365,15 @@ class Vicon:
 
     def open(self, now_ns: int, _ours: str, _theirs: str) -> tuple[ViconSession, bytes]:
         """A new connection's session; the server speaks first."""
-        return ViconSession(self._receive, self._frames.name, self._feed, now_ns), b""
+        return ViconSession(self._receive, self._frames.body_list.receive, self._feed, now_ns), b""
 
     def _receive(self, frame: ViconFrame, now_ns: int) -> None:
-        seq = self._frames.number(frame.number)
-        if seq is None or len(frame.rows) != len(self._frames.bodies):  # its connection has not named its subjects yet
+        seq, bodies = self._frames.number(frame.number), self._frames.body_list.bodies
+        if seq is None or len(frame.rows) != len(bodies):  # its connection has not named its subjects yet
             return
         t_capture_ns = self._capture_ns(frame, now_ns)
         placed = from_matrices(frame.rows, by_columns=False, unit_m=self._feed.unit_m, lost_is_nan=False)
-        self._feed.frame(seq, t_capture_ns, self._frames.bodies, *placed)
+        self._feed.deliver(RawFrame(seq, t_capture_ns, bodies, *placed))
 
     def _capture_ns(self, frame: ViconFrame, now_ns: int) -> int:
         """0, for a frame without a stamp, as long as the frame period is not known."""
@@ -386,5 +387,5 @@ class Vicon:
         self._sent_ns = max(self._sent_ns, now_ns - latency_ns)
         stamp_ns = frame.number * frame.period * 1_000_000_000 // TICKS_HZ
         t_capture_ns = self._time.capture_ns(stamp_ns, self._sent_ns)
-        self._frames.note_exposed(t_capture_ns, now_ns)
+        self._frames.latency_ns = now_ns - t_capture_ns
         return t_capture_ns

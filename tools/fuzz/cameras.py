@@ -131,7 +131,7 @@ class TcpCamera(Camera):
     def __init__(self, draw: Draw, counts: Counter[str], source: str) -> None:
         super().__init__(draw, counts, source)
         self._server = SERVERS[source]()
-        self._source: Any = open_source(self._config, None, self._feed, lambda _: None)  # type: ignore[arg-type]
+        self._source: Any = open_source(self._config, None, self._feed)  # type: ignore[arg-type]
         self._connect(BODIES)
 
     def feed(self) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from formation.config import LabConfig
-from formation.messages import Severity
+from formation.messages import RawFrame, Severity
 from formation.mocap_config import NatNetConfig
 from mocap.capture_time import CaptureTime
 from mocap.retiming import FrameOrder
@@ -276,7 +276,8 @@ class NatNetSession:
         capture_ns = self._capture_ns(frame.exposure_ticks, now_ns)
         self._newest = now_ns, capture_ns, frame.exposure_ticks != 0
         pos_m, q = from_quaternions(table["pose"], self._feed.unit_m)
-        self._feed.frame(frame.number, capture_ns, bodies, pos_m, q, (table["params"] & TRACKED) != 0)
+        seen = (table["params"] & TRACKED) != 0
+        self._feed.deliver(RawFrame(frame.number, capture_ns, bodies, pos_m, q, seen))
 
     def _capture_ns(self, ticks: int, now_ns: int) -> int:
         """The middle of the exposure on our clock; without a valid stamp, arrival less latency."""

@@ -43,7 +43,7 @@ class Flow:
         self.frames: asyncio.Queue[RawFrame] = asyncio.Queue()
         self.events: list[Event] = []
         feed = Feed(config.mocap, self.frames.put_nowait, self.events.append, RejectionLog(), REAL_TIME)
-        self.client = open_source(config, None, feed, lambda frame: None)  # type: ignore[arg-type]
+        self.client = open_source(config, None, feed)  # type: ignore[arg-type]
 
     async def next_frame(self, server: Any, seq: int) -> RawFrame:
         """Publish until a frame comes."""

@@ -2,7 +2,8 @@
 
 import pytest
 
-from mocap.sources.numbered import FrameCount
+from mocap.sources.numbered import NumberedFrames
+from tests.mocap.sources.recorded_feed import kept
 
 
 @pytest.mark.parametrize(
@@ -20,19 +21,19 @@ from mocap.sources.numbered import FrameCount
     ],
 )
 def test_gaps_count_and_new_starts_do_not(numbers, seqs, lost):
-    count = FrameCount()
-    assert [count.receive(number) for number in numbers] == seqs
+    count = NumberedFrames("", (), kept("vicon").feed())
+    assert [count.number(number) for number in numbers] == seqs
     assert count.lost == lost
 
 
 def test_a_slower_stream_is_no_loss_for_long():
-    count = FrameCount()
+    count = NumberedFrames("", (), kept("vicon").feed())
     for number in range(100):
-        count.receive(number)
+        count.number(number)
     for number in range(101, 400, 2):
-        count.receive(number)
+        count.number(number)
     lost = count.lost
     assert lost <= 64
     for number in range(401, 600, 2):
-        count.receive(number)
+        count.number(number)
     assert count.lost == lost

@@ -53,7 +53,7 @@ class Rig:
             }
         )
         feed = Feed(config.mocap, self.frames.append, self.said.append, self.refusals, REAL_TIME)
-        return open_source(config, None, feed, lambda _: None)
+        return open_source(config, None, feed)
 
     async def publish_until(self, server: Server, done: Callable[[], bool], names: tuple[str, ...] = NAMES) -> None:
         async with asyncio.timeout(60.0):

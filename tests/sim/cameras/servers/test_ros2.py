@@ -38,7 +38,7 @@ class Graph(Kept):
     def __init__(self, config: LabConfig, clock: Clock = REAL_TIME) -> None:
         super().__init__(config.mocap, clock)
         self.server = server_for(config.mocap, NAMES, clock)
-        self.source = open_source(config, None, self.feed(), lambda _: None)
+        self.source = open_source(config, None, self.feed())
         self._number = 0
 
     async def publish_until(self, is_done: Callable[[], bool]) -> None:

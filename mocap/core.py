@@ -20,8 +20,6 @@ from mocap.validator import PoseValidator
 from wire.rejections import RejectionLog
 from wire.transport.frame_check import OLDEST_NS, raw_fault
 
-MOST_UNKNOWN = 16
-"""How many bodies that are none of the lab's are remembered, to name them."""
 TURNS, TWO_SHARE = 50, 0.2
 """Over so many frames, numbers that go back in this share are two publishers'."""
 UNNUMBERED = (*BODY_BY_BODY, "csv")
@@ -146,7 +144,7 @@ class MocapCore:
                 text = f"{body} is named {count[body]} times by the source, so it has no one pose: left out, rename one"
                 self._events.append(Event(Severity.ERROR, SOURCE, text))
         for body in count.keys() - known:
-            if len(self.unknown) < MOST_UNKNOWN:
+            if len(self.unknown) < 16:  # to be named
                 self.unknown[body[:64]] += 1
 
     def _note_turn(self, raw: RawFrame) -> None:

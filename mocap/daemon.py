@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import degrees
 from typing import Any
 
 import numpy as np
@@ -54,11 +55,6 @@ from wire.security.protection import LOOPBACK_ONLY, Protection
 from wire.transport.mocap_bus import MocapBus
 from wire.transport.zenoh_bus import ZenohBus
 
-EVERY_NS = 10_000_000_000
-CHANGED = 2.0
-POOR_S = 2e-3
-"""More than this turns a drone's fastest turns into degrees."""
-
 
 class Certainty:
     """Reports the capture times' uncertainty when it is first known, and when it has halved or doubled."""
@@ -75,21 +71,14 @@ class Certainty:
         self._reported_s, self._reported_ns = max(found_s, 1e-5), now_ns
         constant = "" if status.latency_measured else ", apart from the constant that latency_s says"
         text = f"capture times are certain to {1e3 * found_s:.2f} ms{constant}; latency {1e3 * status.latency_s:.1f} ms"
-        return (Event(Severity.WARNING if found_s > POOR_S else Severity.INFO, "mocap", text),)
+        is_poor = found_s > 2e-3  # a drone's fastest turns are degrees by then
+        return (Event(Severity.WARNING if is_poor else Severity.INFO, "mocap", text),)
 
     def _is_news(self, found_s: float, now_ns: int) -> bool:
         if self._reported_s is None:
             return True
         ratio = found_s / self._reported_s
-        return now_ns - self._reported_ns >= EVERY_NS and not 1.0 / CHANGED < ratio < CHANGED
-
-
-INIT = 1
-"""The process that takes over who lost the one that started it, which may be gone before we begin."""
-WATCH_NS = 100_000_000
-STATE_NS = 1_000_000_000
-REMEMBERED = 1000
-OTHERS_S = 0.5
+        return now_ns - self._reported_ns >= 10_000_000_000 and not 0.5 < ratio < 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +102,7 @@ class Mocap:
         self._window = FrameWindow(tuple(v.body for v in config.vehicles))
         self._certainty = Certainty()
         self._name = config.mocap.source
-        self._inside_s: deque[float] = deque(maxlen=REMEMBERED)
+        self._inside_s: deque[float] = deque(maxlen=1000)
         self._needed_ns = self._state_ns = clock.monotonic_ns()
         self._parent = os.getppid()
         self._unknown = 0
@@ -150,18 +139,18 @@ class Mocap:
             watchdog.feed(now_ns)
             for event in (*self._core.reject_log.due(now_ns), *self._core.events(now_ns), *self._newly_unknown()):
                 self.report(event)
-            if now_ns - self._state_ns >= STATE_NS:
+            if now_ns - self._state_ns >= 1_000_000_000:
                 self._state_ns = now_ns
                 state = self.state(now_ns)
                 self._bus.publish_state(state)
                 self._outputs.state(state)
                 for event in self._certainty.events(self.source.status(), now_ns):
                     self.report(event)
-            if os.getppid() == self._parent != INIT:
+            if os.getppid() == self._parent != 1:  # init takes over who lost its starter, maybe before we began
                 self._needed_ns = now_ns
             if linger_s is not None and now_ns - self._needed_ns > linger_s * 1e9:
                 return
-            await self._clock.sleep_until_ns(now_ns + WATCH_NS)
+            await self._clock.sleep_until_ns(now_ns + 100_000_000)
 
     def report(self, event: Event) -> None:
         """Report an event here, and on the bus, where the ground records it."""
@@ -208,7 +197,7 @@ async def run(
     bus = await ZenohBus.open(config.link.joined, config.name, protection=protection)
     try:
         mocap_bus = MocapBus(bus, clock)
-        if await mocap_bus.serving(OTHERS_S) is not None:
+        if await mocap_bus.serving(0.5) is not None:
             raise ServiceError(f"another mocap process serves {config.name!r} already")
         mocap = Mocap(config, mocap_bus, bus.rejections, outputs, clock)
         mocap_bus.announce(configuration_name(config))
@@ -232,7 +221,6 @@ def _remedy(config: LabConfig) -> str:
 
 
 COLUMNS = ("body", "seen", "longest gap", "noise at rest", "x", "y", "z", "yaw", "rejected")
-_MS, _MM, _DEGREES = 1e3, 1e3, 57.29577951308232
 
 
 class LiveTable:
@@ -270,8 +258,8 @@ def _stream(state: dict[str, Any]) -> str:
     if timing is None:
         return f"{where}: no frames"
     return (
-        f"{where}: {timing['rate_hz']:.1f} Hz, jitter {_MS * timing['jitter_s']:.2f} ms, "
-        f"longest gap {_MS * timing['gap_s']:.0f} ms, lost {timing['lost_share']:.1%} ({state['lost']} in all), "
+        f"{where}: {timing['rate_hz']:.1f} Hz, jitter {1e3 * timing['jitter_s']:.2f} ms, "
+        f"longest gap {1e3 * timing['gap_s']:.0f} ms, lost {timing['lost_share']:.1%} ({state['lost']} in all), "
         f"{state['frames']} frames, {state['refused']} refused"
     )
 
@@ -282,14 +270,14 @@ def _clock(state: dict[str, Any]) -> str:
     if not clock:
         constant = "" if state["latency_measured"] else ", apart from the constant that latency_s says"
         clock = f"latency {state['latency_ms']:.1f} ms, uncertain by {state['uncertainty_ms'] or 0.0:.2f} ms{constant}"
-    delay = "" if timing is None else f"exposure to receipt {_MS * timing['delay_s']:.1f} ms (median); "
+    delay = "" if timing is None else f"exposure to receipt {1e3 * timing['delay_s']:.1f} ms (median); "
     return delay + clock
 
 
 def _stamps(state: dict[str, Any]) -> tuple[str, ...]:
     """The line about stamps that are no exposures, if there is one."""
     if state["retimed_scatter_s"] is not None:
-        scatter_ms = _MS * state["retimed_scatter_s"]
+        scatter_ms = 1e3 * state["retimed_scatter_s"]
         return (f"stamps are arrival times: frames are re-timed, with a scatter of {scatter_ms:.2f} ms",)
     timing = state["timing"]
     return () if timing is None or not timing["arrival_stamps"] else ("stamps are arrival times",)
@@ -308,10 +296,10 @@ def _bodies(state: dict[str, Any]) -> Table:
 def _figures(body: dict[str, Any]) -> tuple[str, ...]:
     if body["pos_lab_m"] is None:
         return body["body"], "not seen", *["-"] * 6
-    noise = "moves" if body["noise_m"] is None else f"{_MM * body['noise_m']:.2f} mm"
-    yaw = "-" if body["yaw_rad"] is None else f"{_DEGREES * body['yaw_rad']:.1f} deg"
+    noise = "moves" if body["noise_m"] is None else f"{1e3 * body['noise_m']:.2f} mm"
+    yaw = "-" if body["yaw_rad"] is None else f"{degrees(body['yaw_rad']):.1f} deg"
     where = (f"{x:.3f}" for x in body["pos_lab_m"])
-    return body["body"], f"{body['seen_share']:.1%}", f"{_MS * body['gap_s']:.0f} ms", noise, *where, yaw
+    return body["body"], f"{body['seen_share']:.1%}", f"{1e3 * body['gap_s']:.0f} ms", noise, *where, yaw
 
 
 @dropping_output()

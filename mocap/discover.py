@@ -25,14 +25,10 @@ from wire.text import plain
 
 BROADCAST = "255.255.255.255"
 LONGEST = 128
-MOST = 256
-"""Findings, whoever answers."""
 COOKIE = b"vrpn: ver. "
 
 _QTM_HEADER = Struct("<II")
 _QTM_PORT = Struct(">H")
-QTM_COMMAND, QTM_DISCOVER = 1, 7
-SIOCGIFBRDADDR = 0x8919
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -77,7 +73,7 @@ def natnet_finding(data: bytes, address: str) -> Finding | None:
 
 def qtm_request(answer_port: int) -> bytes:
     """The QTM servers that answer to that UDP port of ours."""
-    return _QTM_HEADER.pack(_QTM_HEADER.size + _QTM_PORT.size, QTM_DISCOVER) + _QTM_PORT.pack(answer_port)
+    return _QTM_HEADER.pack(_QTM_HEADER.size + _QTM_PORT.size, 7) + _QTM_PORT.pack(answer_port)
 
 
 def qtm_finding(data: bytes, address: str) -> Finding | None:
@@ -85,7 +81,7 @@ def qtm_finding(data: bytes, address: str) -> Finding | None:
     if len(data) < _QTM_HEADER.size + 1 + _QTM_PORT.size:
         return None
     size, kind = _QTM_HEADER.unpack_from(data)
-    if size != len(data) or kind != QTM_COMMAND:
+    if size != len(data) or kind != 1:  # a command
         return None
     (port,) = _QTM_PORT.unpack_from(data, size - _QTM_PORT.size)
     text = data[_QTM_HEADER.size : size - _QTM_PORT.size].partition(b"\0")[0].decode("utf-8", "replace")
@@ -120,7 +116,7 @@ class _Asker(asyncio.DatagramProtocol):
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Somebody answers."""
         finding = self.parse(data, addr[0])
-        if finding is not None and len(self.found) < MOST:
+        if finding is not None and len(self.found) < 256:
             self.found.add(finding)
 
     def error_received(self, exc: Exception) -> None:
@@ -148,7 +144,8 @@ def broadcasts() -> list[str]:
 
         for _, name in socket.if_nameindex():
             with contextlib.suppress(OSError):
-                reply = ioctl(probe, SIOCGIFBRDADDR, name.encode()[:15].ljust(256, b"\0"))
+                # SIOCGIFBRDADDR
+                reply = ioctl(probe, 0x8919, name.encode()[:15].ljust(256, b"\0"))
                 found.append(socket.inet_ntoa(reply[20:24]))
     return [address for address in found if address != "0.0.0.0"]
 

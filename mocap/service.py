@@ -14,7 +14,6 @@ from wire.process.daemon import EventSink
 from wire.process.system import NOT_RIGHT, python_command
 from wire.transport.mocap_bus import MocapBus
 
-FIND_S = 1.0
 POLL_S = 0.2
 AGAIN_S = 1.0
 LINGER_S = 60.0
@@ -50,7 +49,7 @@ async def mocap_service(
     ground: the name under which the ground is on the bus.
     Raises ServiceError where it cannot be started, or serves another configuration than `config`.
     """
-    served = await bus.serving(FIND_S)
+    served = await bus.serving(1.0)
     if served is not None:
         if served != configuration_name(config):
             raise ServiceError("the mocap process that runs has other bodies or axes than this file: restart it")

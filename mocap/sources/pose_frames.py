@@ -169,9 +169,7 @@ class Assembly:
             self._last, self._open = self._open, None
 
 
-REMEMBERED, ENOUGH = 64, 16
-GAIN = 0.1
-"""How far the even rhythm is moved towards each stamp."""
+ENOUGH = 16
 LONGEST_GAP_NS = 1_000_000_000
 """Nothing for longer than this is no loss of frames: nobody was in sight, or the server paused."""
 
@@ -185,7 +183,7 @@ class Pacing:
         """Exposures that a gap in the stamps shows, less those that were merely stamped late."""
         self._seq = -1
         self._stamp_ns: int | None = None
-        self._steps: deque[int] = deque(maxlen=REMEMBERED)
+        self._steps: deque[int] = deque(maxlen=64)
         self._late_ns = 0.0
         """How much later the last stamp was than an even rhythm has it."""
         self._learnt = 0
@@ -220,7 +218,8 @@ class Pacing:
         if missing:
             self._doubtful = missing
         self.lost += missing
-        self._late_ns = (1.0 - GAIN) * max(since_ns - (1 + missing) * period_ns, -0.5 * period_ns)
+        # The even rhythm is moved towards each stamp by a tenth.
+        self._late_ns = 0.9 * max(since_ns - (1 + missing) * period_ns, -0.5 * period_ns)
         self._learn(step_ns)
         return missing
 
@@ -273,7 +272,7 @@ class Repeats:
 
 
 MOST_BODIES = 256
-NOWHERE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+NOWHERE = np.eye(1, 7, 6)
 """x y z, quaternion x y z w."""
 
 

@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from formation.maths.arrays import Bool, Float
 from formation.maths.kernel import kernel
 
-RIGID_WITHIN = 0.01
 Rows = NDArray[np.floating]
 
 
@@ -90,6 +89,6 @@ def _from_matrices(
             q[i, k] = squares[longest, k] / norm
         for j in range(4):
             for k in range(4):
-                is_rotation = is_rotation and abs(squares[j, k] - 4.0 * q[i, j] * q[i, k]) <= 4.0 * RIGID_WITHIN
+                is_rotation = is_rotation and abs(squares[j, k] - 4.0 * q[i, j] * q[i, k]) <= 0.04
         if not is_rotation:
             q[i] = 0.0

@@ -27,7 +27,6 @@ HEADER = struct.Struct("<II")
 DATA_HEADER = struct.Struct("<qII")
 BODIES = struct.Struct("<ihh")
 BODY_FLOATS = 12
-MOST_COMPONENTS = 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +71,7 @@ def bodies_of(packet: bytes) -> SixD | None:
     """A data packet's bodies, None where it has none; ValueError says why it cannot be read."""
     if len(packet) < DATA_HEADER.size:
         raise ValueError("data packet: cut short")
-    if DATA_HEADER.unpack_from(packet)[2] > MOST_COMPONENTS:
+    if DATA_HEADER.unpack_from(packet)[2] > 32:
         raise ValueError("data packet: a component count that no packet has")
     try:
         read = QRTPacket(packet)
@@ -120,7 +119,6 @@ VERSION = "1.19"
 WELCOME = "QTM RT Interface connected"
 AGAIN_NS, SOON_NS = 1_000_000_000, 100_000_000
 """Period of asking for the names: QTM may rename a body without an event, or may have gone silent."""
-ANSWERS_MAX = 8
 RENAMING = (QRTEvent.EventCameraSettingsChanged, QRTEvent.EventConnected, QRTEvent.EventRTfromFileStarted)
 SHUTTING_DOWN = QRTEvent.EventQTMShuttingDown
 
@@ -192,7 +190,7 @@ class QualisysSession:
         if text.startswith("Parameters not available"):
             return self._receive_names(())
         self._feed.reject("an answer that was not expected")
-        if text not in self._reported and len(self._reported) < ANSWERS_MAX:
+        if text not in self._reported and len(self._reported) < 8:
             self._reported.add(text)
             self._feed.report(Severity.WARNING, f"QTM says: {text}")
         return b""
@@ -269,9 +267,6 @@ class QualisysSession:
         return names is not None
 
 
-NS_PER_US = 1000
-
-
 class Qualisys:
     """One QTM's client. lab: the bodies that are expected; latency_ns: from exposure to receipt, which QTM keeps."""
 
@@ -298,7 +293,7 @@ class Qualisys:
         seq = self._frames.number(frame.number)
         if seq is None:
             return
-        t_capture_ns = self._time.capture_ns(frame.stamp_us * NS_PER_US, now_ns)
+        t_capture_ns = self._time.capture_ns(frame.stamp_us * 1000, now_ns)
         self._frames.latency_ns = now_ns - t_capture_ns
         placed = from_matrices(frame.rows, by_columns=True, unit_m=self._feed.unit_m, lost_is_nan=True)
         self._feed.deliver(RawFrame(seq, t_capture_ns, self._frames.body_list.bodies, *placed))

@@ -14,8 +14,6 @@ from mocap.sources.csv_file import read_recording
 from mocap.sources.source import Feed, Source, SourceStatus
 from wire.transport.mocap_bus import MocapBus
 
-POLL_NS = 100_000_000
-
 
 class BusSource:
     """Whoever publishes. Its stamps are on our clock already, or 0."""
@@ -57,7 +55,7 @@ class Recording:
         """Each frame `delay_s` after its own time since the first, captures restamped to now; then nothing more."""
         clock = self._feed.clock
         while not self._has_listener():
-            await clock.sleep_until_ns(clock.monotonic_ns() + POLL_NS)
+            await clock.sleep_until_ns(clock.monotonic_ns() + 100_000_000)
         self._status = replace(self._status, connected=True)
         start_ns = clock.monotonic_ns()
         for frame in self._frames:

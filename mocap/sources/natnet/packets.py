@@ -5,7 +5,7 @@ Up to 4.0 a section can only be passed over by what is counted in it; from 4.1 e
 """
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 from struct import Struct
 from typing import Any
 
@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 _COUNT, _COUNTS = Struct("<i"), Struct("<ii")
-LONGEST_TEXT = 256
 
 
 class PacketError(ValueError):
@@ -78,7 +77,7 @@ class Reader:
 
     def text(self, what: str) -> str:
         """A text that a zero ends, 255 bytes at most."""
-        end = self._data.find(b"\0", self._at, self._at + LONGEST_TEXT)
+        end = self._data.find(b"\0", self._at, self._at + 256)
         if end < 0:
             raise self.error(what, "has no end")
         text = self._data[self._at : end].decode("utf-8", "replace")
@@ -215,18 +214,28 @@ def stream_version(payload: bytes) -> Version | None:
 
 BODY = np.dtype([("id", "<i4"), ("pose", "<f4", 7), ("error", "<f4"), ("params", "<i2")])
 """pose: x y z, quaternion x y z w."""
-TRACKED = 0x01
-"""Bit of a body's params: seen in this frame."""
-MODELS_CHANGED, EDITED, VERSION_CHANGED = 0x02, 0x04, 0x08
-"""Bits of a frame's params; EDITED: what was recorded is played, not what the cameras see."""
-MARKER_BYTES, POINT_BYTES, VALUE_BYTES = 26, 12, 4
+
+
+class BodyFlag(IntFlag):
+    """Bits of a body's params."""
+
+    TRACKED = 0x01
+    """Seen in this frame."""
+
+
+class FrameFlag(IntFlag):
+    """Bits of a frame's params; EDITED: what was recorded is played, not what the cameras see."""
+
+    MODELS_CHANGED = 0x02
+    EDITED = 0x04
+    VERSION_CHANGED = 0x08
+
 
 _NUMBER = Struct("<i")
 _SUFFIX = Struct("<2Id3QhI")
 """Timecode and its sub-frame, time stamp, mid-exposure, data received, transmit, params, end of data."""
 _SUFFIX_PRECISE = Struct("<2Id3Q2IhI")
 """As well the precision time (PTP), seconds and fraction, before params."""
-_MID_EXPOSURE = 3
 SECTIONS = ("marker sets", "other markers", "rigid bodies", "skeletons", "assets", "markers", "force plates", "devices")
 
 
@@ -249,7 +258,7 @@ def frame_of_data(payload: bytes, version: Version) -> Frame:
     suffix = reader.fields(_SUFFIX_PRECISE if counted else _SUFFIX, "suffix")
     reader.whole()
     bodies = np.frombuffer(payload, BODY, count, at) if count else np.empty(0, BODY)
-    return Frame(number, bodies, int(suffix[_MID_EXPOSURE]), int(suffix[-2]))
+    return Frame(number, bodies, int(suffix[3]), int(suffix[-2]))
 
 
 def _sections_by_bytes(reader: Reader) -> tuple[int, int]:
@@ -267,24 +276,22 @@ def _sections_by_bytes(reader: Reader) -> tuple[int, int]:
 def _sections_by_counts(reader: Reader) -> tuple[int, int]:
     for _ in range(reader.count(5, "marker sets")):
         reader.text("marker set name")
-        reader.rows(POINT_BYTES, "marker set")
-    reader.rows(POINT_BYTES, "other markers")
+        reader.rows(12, "marker set")
+    reader.rows(12, "other markers")
     bodies = reader.rows(BODY.itemsize, "rigid bodies")
     for _ in range(reader.count(8, "skeletons")):
         reader.skip(4, "skeletons")
         reader.rows(BODY.itemsize, "bones")
-    reader.rows(MARKER_BYTES, "markers")
+    reader.rows(26, "markers")
     for what in ("force plates", "devices"):
         for _ in range(reader.count(8, what)):
             reader.skip(4, what)
             for _ in range(reader.count(4, what)):
-                reader.rows(VALUE_BYTES, what)
+                reader.rows(4, what)
     return bodies
 
 
 RIGID_BODY = 1
-MARKER_NAMES, ROTATION = (4, 0), (4, 2)
-"""The first versions to describe a body with them."""
 
 _INT = Struct("<i")
 _PLATE_BYTES = 4 * (2 + 3 + 12 * 12 + 4 * 3 + 2)
@@ -324,9 +331,9 @@ def _named(reader: Reader, names: Named) -> None:
 def _rigid_body(reader: Reader, version: Version, names: Named) -> None:
     """Name, id; then parent, offset, rotation, and of each marker position, active label, name."""
     _named(reader, names)
-    reader.skip(16 + 16 * (version >= ROTATION), "rigid body")
+    reader.skip(16 + 16 * (version >= (4, 2)), "rigid body")
     markers, _ = reader.rows(16, "rigid body's markers")
-    if version >= MARKER_NAMES:
+    if version >= (4, 0):
         _texts(reader, markers, "rigid body's marker name")
 
 

@@ -19,11 +19,9 @@ from mocap.capture_time import CaptureTime
 from mocap.retiming import FrameOrder
 from mocap.sources.natnet import packets
 from mocap.sources.natnet.packets import (
-    EDITED,
-    MODELS_CHANGED,
-    TRACKED,
-    VERSION_CHANGED,
+    BodyFlag,
     Frame,
+    FrameFlag,
     MessageId,
     Named,
     PacketError,
@@ -37,17 +35,9 @@ from mocap.sources.source import Feed, SourceStatus, seconds
 from wire.process.port_holder import why_not_bound
 
 WHO = "mavlink-formation"
-CONNECT_NS, MODELS_NS, ALIVE_NS = 500_000_000, 200_000_000, 1_000_000_000
-SILENT_NS = 2_000_000_000
-AT_FIRST_NS, ECHO_AT_FIRST_NS, ECHO_NS = 2_000_000_000, 50_000_000, 100_000_000
-ECHOES = 32
-"""So many requests may be on their way."""
+CONNECT_NS, SILENT_NS = 500_000_000, 2_000_000_000
 STEP_NS = 2_000_000
 """A larger difference between an echo and the clock offset shows that the server's clock was set."""
-OTHER_SENDER_NS = 1_000_000_000
-"""Frames come from one address; from another when that has been silent for so long."""
-LATEST_NS = 1_000_000_000
-"""An older capture time shows that the clock was set; the next echo corrects the offset."""
 
 
 class NatNetSession:
@@ -73,7 +63,7 @@ class NatNetSession:
         self._order: tuple[bytes, tuple[str, ...], list[int]] = (b"", (), [])
         self._numbers = FrameOrder()
         self._capture = CaptureTime(latency_ns)
-        self._echoes: deque[int] = deque(maxlen=ECHOES)
+        self._echoes: deque[int] = deque(maxlen=32)  # so many may be on their way
         self._status = SourceStatus(server=f"{config.host}:{config.command_port}")
         self._sent: dict[MessageId, int] = {}
         self._received_ns = self._frame_ns = self._since_ns = 0
@@ -113,15 +103,15 @@ class NatNetSession:
             out += [packets.hello(MessageId.CONNECT, WHO)]
         if self._info is None:
             return out
-        if self._stale_ns is not None and self._is_due(MessageId.REQUEST_MODELS, MODELS_NS, now_ns):
+        if self._stale_ns is not None and self._is_due(MessageId.REQUEST_MODELS, 200_000_000, now_ns):
             out += [
                 packets.packet(MessageId.REQUEST, packets.WHICH_VERSION),
                 packets.packet(MessageId.REQUEST_MODELS),
             ]
-        if not self._config.multicast and self._is_due(MessageId.KEEP_ALIVE, ALIVE_NS, now_ns):
+        if not self._config.multicast and self._is_due(MessageId.KEEP_ALIVE, 1_000_000_000, now_ns):
             out += [packets.packet(MessageId.KEEP_ALIVE)]
-        often = now_ns - self._since_ns < AT_FIRST_NS
-        if self._is_due(MessageId.ECHO_REQUEST, ECHO_AT_FIRST_NS if often else ECHO_NS, now_ns):
+        often = now_ns - self._since_ns < 2_000_000_000
+        if self._is_due(MessageId.ECHO_REQUEST, 50_000_000 if often else 100_000_000, now_ns):
             self._echoes.append(now_ns)
             out += [packets.echo_request(now_ns)]
         return out
@@ -228,7 +218,8 @@ class NatNetSession:
         self._capture.exchange(sent_ns, theirs_ns, now_ns)
 
     def _receive_frame(self, payload: bytes, sender: str, now_ns: int) -> None:
-        if sender not in (self._streamer, self._peer) and now_ns - self._frame_ns < OTHER_SENDER_NS and self._streamer:
+        came_ns = now_ns - self._frame_ns  # from another address only where the one has been silent for a second
+        if sender not in (self._streamer, self._peer) and came_ns < 1_000_000_000 and self._streamer:
             self._feed.reject("a frame of another sender than the server")
             return
         if self._info is None:
@@ -253,10 +244,12 @@ class NatNetSession:
             return
         if step == 0:  # another server, or the same one started again: its ids may mean others
             self._names = None
-        changed = frame.params & (MODELS_CHANGED | VERSION_CHANGED)
+        changed = frame.params & (FrameFlag.MODELS_CHANGED | FrameFlag.VERSION_CHANGED)
         if changed or step != 1:  # what was skipped may have said so
             self._stale_ns = now_ns
-        self._report("mode", Severity.WARNING, "plays a recording (Edit mode)" if frame.params & EDITED else "")
+        self._report(
+            "mode", Severity.WARNING, "plays a recording (Edit mode)" if frame.params & FrameFlag.EDITED else ""
+        )
         if self._names is not None:
             self._deliver(frame, self._names, now_ns)
 
@@ -276,14 +269,14 @@ class NatNetSession:
         capture_ns = self._capture_ns(frame.exposure_ticks, now_ns)
         self._newest = now_ns, capture_ns, frame.exposure_ticks != 0
         pos_m, q = from_quaternions(table["pose"], self._feed.unit_m)
-        seen = (table["params"] & TRACKED) != 0
+        seen = (table["params"] & BodyFlag.TRACKED) != 0
         self._feed.deliver(RawFrame(frame.number, capture_ns, bodies, pos_m, q, seen))
 
     def _capture_ns(self, ticks: int, now_ns: int) -> int:
         """The middle of the exposure on our clock; without a valid stamp, arrival less latency."""
         if ticks and self._info is not None:
             capture_ns = self._capture.capture_ns(ticks * 1_000_000_000 // self._info.clock_hz, now_ns)
-            if now_ns - capture_ns < LATEST_NS:
+            if now_ns - capture_ns < 1_000_000_000:  # else the clock was set: the next echo corrects the offset
                 return capture_ns
         return now_ns - self._latency_ns
 
@@ -333,12 +326,6 @@ def _transmission(group: str | None) -> str:
     return "unicast" if group is None else f"multicast to {group}"
 
 
-TURN_NS = 25_000_000
-LARGEST_PACKET = 65_536
-BUFFER_BYTES = 4 * 1024 * 1024
-"""The kernel's buffer while we are busy, as far as the system allows."""
-AGAIN_NS = 500_000_000
-RESOLVE_S = 2.0
 ANY = "0.0.0.0"
 
 
@@ -364,7 +351,7 @@ class NatNet:
                 await self._converse()
             except OSError as error:
                 self._report(f"{self._config.host}: {error.strerror or 'cannot be reached'}; trying again")
-            await clock.sleep_until_ns(clock.monotonic_ns() + AGAIN_NS)
+            await clock.sleep_until_ns(clock.monotonic_ns() + 500_000_000)
 
     async def _converse(self) -> None:
         """Until the server has been silent. OSError where name, interface or port cannot be used."""
@@ -380,11 +367,11 @@ class NatNet:
                         command.sendto(data, (address, self._config.command_port))
                 if session.is_silent(now_ns):
                     return
-                await clock.sleep_until_ns(now_ns + TURN_NS)
+                await clock.sleep_until_ns(now_ns + 25_000_000)
 
     @contextlib.contextmanager
     def _reading(self, *sockets: socket.socket) -> Iterator[None]:
-        loop, buffer = asyncio.get_running_loop(), memoryview(bytearray(LARGEST_PACKET))
+        loop, buffer = asyncio.get_running_loop(), memoryview(bytearray(65_536))
         for each in sockets:
             loop.add_reader(each, self._read, each, buffer)
         try:
@@ -409,7 +396,7 @@ class NatNet:
 
 async def _resolve(host: str) -> str:
     try:
-        async with asyncio.timeout(RESOLVE_S):
+        async with asyncio.timeout(2.0):
             found = await asyncio.get_running_loop().getaddrinfo(host, None, family=socket.AF_INET)
     except TimeoutError as error:
         raise OSError(0, "its name is not resolved") from error
@@ -442,7 +429,7 @@ def open_sockets(config: NatNetConfig, address: str, report: Callable[[str], Non
 def _udp() -> socket.socket:
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     opened.setblocking(False)
-    opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+    opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)  # while we are busy; as far as the system allows
     return opened
 
 

@@ -23,8 +23,6 @@ from mocap.sources.vrpn import messages
 from mocap.sources.vrpn.messages import Message, Stream
 from wire.text import plain
 
-NAMES_MAX = 8
-
 
 class Naming(Protocol):
     """One kind of server's."""
@@ -86,14 +84,12 @@ class Sensors:
 
 
 def _list(names: Collection[str]) -> str:
-    shown = [plain(name, LONGEST_NAME) for name in list(names)[:NAMES_MAX]]
+    shown = [plain(name, LONGEST_NAME) for name in list(names)[:8]]
     more = len(names) - len(shown)
     return (", ".join(shown) or "none") + (f" and {more} more" if more else "")
 
 
 PING_NS = 500_000_000
-PINGED = 4
-"""So many senders are asked whether they live; any answer will do."""
 NAMED_NS = 1_000_000_000
 """Delay after the connection before a missing body is reported."""
 
@@ -164,7 +160,7 @@ class VrpnSession:
             self._report_lack()
             self._report_clocks()
         control = messages.CONTROL.decode()
-        asked = [number for number, name in self._senders.items() if name != control][:PINGED]
+        asked = [number for number, name in self._senders.items() if name != control][:4]  # any answer will do
         return b"".join(messages.message(now_ns, number, 0) for number in asked)
 
     def _read_messages(self, data: bytes, now_ns: int) -> bytes:
@@ -241,10 +237,6 @@ class VrpnSession:
         return [name for name in self._senders.values() if name != control]
 
 
-A_TURN = 64
-LARGEST = 65_535
-RECEIVE_BUFFER_BYTES = 1_000_000
-
 Deliver = Callable[[list[tuple[bytes, str]]], None]
 
 
@@ -256,7 +248,7 @@ class Datagrams:
         self._loop = asyncio.get_running_loop()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1_000_000)
         try:
             self._socket.bind(("0.0.0.0", 0))
         except OSError:
@@ -277,9 +269,9 @@ class Datagrams:
 
     def _read(self) -> None:
         came: list[tuple[bytes, str]] = []
-        while len(came) < A_TURN:
+        while len(came) < 64:
             try:
-                data, address = self._socket.recvfrom(LARGEST)
+                data, address = self._socket.recvfrom(65_535)
             except OSError:  # nothing waits
                 break
             came.append((data, address[0]))

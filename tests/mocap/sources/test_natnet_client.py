@@ -6,7 +6,6 @@ import socket
 from contextlib import asynccontextmanager
 from typing import Any
 
-import numpy as np
 import pytest
 
 from formation.config import LabConfig
@@ -14,17 +13,12 @@ from formation.messages import Event, RawFrame
 from mocap.sources.natnet.session import open_sockets
 from mocap.sources.registry import open_source
 from mocap.sources.source import Feed
-from sim.cameras.servers.natnet import NatNetSettings, natnet_server
 from tests.free_ports import free_port
 from tests.wire.waiting import in_loop
 from wire.clock import REAL_TIME
 from wire.rejections import RejectionLog
 
-BODIES = ("lead", "left")
-POS = np.array([[1.0, 2.0, 3.0], [-0.5, 0.25, 1.5]])
-Q = np.array([[0.5, 0.5, -0.5, 0.5], [1.0, 0.0, 0.0, 0.0]])
 UNICAST: dict[str, Any] = {"interface": "127.0.0.2", "multicast": ""}
-MULTICAST: dict[str, Any] = {"multicast": "239.255.42.99"}
 WITHIN_S = 30.0
 
 
@@ -45,15 +39,6 @@ class Flow:
         feed = Feed(config.mocap, self.frames.put_nowait, self.events.append, RejectionLog(), REAL_TIME)
         self.client = open_source(config, None, feed)  # type: ignore[arg-type]
 
-    async def next_frame(self, server: Any, seq: int) -> RawFrame:
-        """Publish until a frame comes."""
-        while self.frames.empty():
-            now_ns = REAL_TIME.monotonic_ns()
-            server.publish(RawFrame(seq, now_ns - 3_000_000, BODIES, POS, Q, np.array([True, False])))
-            seq += 1
-            await asyncio.sleep(0.01)
-        return self.frames.get_nowait()
-
 
 @asynccontextmanager
 async def running(config: LabConfig):
@@ -65,29 +50,6 @@ async def running(config: LabConfig):
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-
-
-@pytest.mark.parametrize(("table", "version"), [(UNICAST, (3, 0)), (MULTICAST, (4, 2))])
-@in_loop
-async def test_frames_come_over_real_sockets_of_a_server_that_comes_late_and_of_one_that_comes_again(table, version):
-    config = lab(table)
-    server = natnet_server(config.mocap, BODIES, REAL_TIME, NatNetSettings(version=version))
-    async with running(config) as (flow, client):
-        while not flow.events:
-            await asyncio.sleep(0.02)
-        assert "no answer from 127.0.0.1" in flow.events[0].text
-        for seq in (1, 10_000_000):
-            await server.start()
-            frame = await flow.next_frame(server, seq)
-            assert frame.seq >= seq
-            assert (frame.bodies, frame.seen.tolist()) == (BODIES, [True, False])
-            np.testing.assert_allclose(frame.pos_mocap_m, POS, atol=1e-6)
-            np.testing.assert_allclose(frame.q_mocap_from_marker, Q, atol=1e-6)
-            assert client.status().connected
-            await server.close()
-            while not flow.frames.empty():
-                flow.frames.get_nowait()
-        assert client.status().lost == 0
 
 
 def test_data_for_port_1511_is_taken_where_the_server_sends_it_there():

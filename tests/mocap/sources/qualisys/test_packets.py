@@ -2,41 +2,15 @@
 
 import struct
 
-import numpy as np
 import pytest
-from qtm_rt.packet import QRTPacketType
 
 from mocap.sources.qualisys import Stream, bodies_of, command, names_of
 from mocap.sources.tcp import LARGEST_PACKET, ProtocolError
-from tests.mocap.sources.qtm_bytes import FRAME, PARAMETERS_1_19, PARAMETERS_1_25, WELCOME
+from tests.mocap.sources.qtm_bytes import FRAME
 
 
 def test_a_command_is_the_documentations_example():
     assert command("Version 1.2") == b"\x14\0\0\0\1\0\0\0Version 1.2\0"
-
-
-def test_a_frame():
-    ((kind, packet),) = Stream().receive(FRAME)
-    assert kind is QRTPacketType.PacketData
-    frame = bodies_of(packet)
-    assert frame is not None
-    assert (frame.stamp_us, frame.number) == (5_000_000_000, 70_000)
-    np.testing.assert_array_equal(frame.rows[0, :3], [1000.25, -250.5, 1500.0])
-    turned = frame.rows[0, 3:].reshape(3, 3).T
-    np.testing.assert_array_equal(turned, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])  # 90 degrees about z
-    assert np.isnan(frame.rows[1]).all()
-
-
-def test_names_of_both_ways_to_write_them():
-    assert names_of(PARAMETERS_1_19) == ("Body1", "Body & 2")
-    assert names_of(PARAMETERS_1_25) == ("refined", "Table")
-
-
-def test_a_stream_in_any_pieces():
-    stream, data, packets = Stream(), WELCOME + FRAME + FRAME, []
-    for at in range(0, len(data), 5):
-        packets += stream.receive(data[at : at + 5])
-    assert [kind for kind, _ in packets] == [QRTPacketType.PacketCommand] + 2 * [QRTPacketType.PacketData]
 
 
 @pytest.mark.parametrize(
@@ -74,10 +48,6 @@ COMPONENTS_AT, SIZE_AT, TYPE_AT, BODIES_AT = 12, 16, 20, 24
 def test_what_cannot_be_read_is_named(packet, why):
     with pytest.raises(ValueError, match=why):
         bodies_of(packet)
-
-
-def test_a_packet_without_bodies():
-    assert bodies_of(struct.pack("<qII", 1, 1, 0)) is None
 
 
 @pytest.mark.parametrize(

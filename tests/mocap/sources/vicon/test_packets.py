@@ -10,47 +10,7 @@ from mocap.sources import vicon as packets
 from mocap.sources.tcp import ProtocolError
 from mocap.sources.vicon import Kind, Stream, Vicon, packet_of
 from tests.mocap.sources.recorded_feed import kept
-from tests.mocap.sources.vicon_bytes import FIRST, OFFER, PING, STREAM, UNCHANGED, WANT
-
-
-def blocks(data: bytes) -> list[packets.Block]:
-    (packet,) = Stream().receive(data)
-    return packets.blocks_of(packet)
-
-
-def test_what_we_write_is_what_their_classes_write():
-    wanted = {Kind.CONTENTS, Kind.STREAM_INFO, Kind.SUBJECT_INFO, Kind.FRAME_INFO, Kind.GLOBAL_SEGMENTS}
-    assert packets.packet_of((Kind.OBJECT_ENUMS, packets.set_of(wanted | {Kind.LATENCY_INFO}))) == WANT
-    assert packets.packet_of((Kind.REQUEST_FRAME, b"\1")) == STREAM
-    assert packets.packet_of((Kind.PING, struct.pack("<Q", 1))) == PING
-
-
-def test_their_frame():
-    ((_, offered),) = blocks(OFFER)
-    assert packets.kinds_of(offered) == {1, 2, 5, 9, 26, 42, 100004}
-    assert packets.unchanged_of(dict(blocks(UNCHANGED))[Kind.CONTENTS]) == {1, 2, 9, 26}
-    of = dict(blocks(FIRST))
-    assert packets.period_of(of[Kind.STREAM_INFO]) == 1_350_000
-    assert packets.number_of(of[Kind.FRAME_INFO]) == 4711
-    assert packets.latency_of(of[Kind.LATENCY_INFO]) == pytest.approx(0.004, abs=1e-15)
-    subjects = [packets.subject_of(data) for kind, data in blocks(FIRST) if kind == Kind.SUBJECT_INFO]
-    assert subjects == [(7, "lead", b"\3\0\0\0"), (8, "right", b"\1\0\0\0")]
-    lead, right = (data for kind, data in blocks(FIRST) if kind == Kind.GLOBAL_SEGMENTS)
-    roots = {identifier: root for identifier, _, root in subjects}
-    identifier, segment = packets.root_of(lead, roots)
-    assert identifier == 7
-    assert segment is not None
-    values = packets.SEGMENT.unpack(segment)
-    assert values[:4] == (3, 1000.25, -250.5, 1500.0)
-    np.testing.assert_array_equal(np.reshape(values[4:], (3, 3)), [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    assert packets.root_of(right, roots) == (8, None)
-
-
-def test_a_stream_in_any_pieces():
-    stream, data, packets = Stream(), OFFER + FIRST + UNCHANGED, []
-    for at in range(0, len(data), 7):
-        packets += stream.receive(data[at : at + 7])
-    assert packets == [OFFER[8:], FIRST[8:], UNCHANGED[8:]]
+from tests.mocap.sources.vicon_bytes import FIRST, OFFER
 
 
 @pytest.mark.parametrize(

@@ -65,10 +65,3 @@ def test_a_length_that_cannot_be_right_ends_the_reading(length: int):
 def test_a_description_of_another_length_than_its_name_is_rejected(payload: bytes):
     with pytest.raises(ProtocolError, match="description"):
         messages.described(payload)
-
-
-def test_a_message_that_is_not_whole_waits():
-    stream = Stream()
-    assert list(stream.messages(vrpn_bytes.LEADER_IS_1[:-1])) == []
-    assert stream.is_cut
-    assert len(list(stream.messages(vrpn_bytes.LEADER_IS_1[-1:]))) == 1

@@ -3,13 +3,9 @@
 import struct
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
-from qtm_rt.packet import QRTComponentType, QRTPacket, RT6DComponent
 from scipy.spatial.transform import Rotation
 
-from formation.messages import RawFrame
-from sim.cameras.servers import qtm as packets
 from sim.cameras.servers.qtm import Discovery, QtmConversation, Subscription
 
 NAMES = ("lead", "<right> & left")
@@ -19,11 +15,6 @@ ROTATIONS = Rotation.random(2, random_state=3)
 class FakeServer:
     rate_hz = 100.0
     bodies = NAMES
-
-
-def a_frame(seen: tuple[bool, bool] = (True, True)) -> RawFrame:
-    pos = np.array([[1.00025, -0.2505, 1.5], [0.0, 0.0, 0.0]])
-    return RawFrame(0, 0, NAMES, pos, ROTATIONS.as_quat(scalar_first=True), np.array(seen))
 
 
 def say(conversation: QtmConversation, words: str) -> tuple[int, str]:
@@ -96,31 +87,6 @@ def test_parameters_name_the_bodies_in_every_version(client, minor):
     assert root.findtext("The_6D/Bodies") == ("2" if minor < 21 else None)
     assert (root.find("The_6D/Euler") is not None) == (16 <= minor < 21)
     assert len(root.findall("The_6D/Body/Points/Point" if minor > 20 else "The_6D/Body/Point")) == 6
-
-
-def test_bodies_as_qtm_rt_reads_them():
-    frame = a_frame((True, False))
-    parts = [packets.six_d("<", kind, frame) for kind in (5, 6, 11, 12)]
-    data = packets.data_packet("<", 123_456, 2**32 + 5, parts)
-    packet = QRTPacket(data[8:])
-    assert (packet.timestamp, packet.framenumber) == (123_456, 5)
-    assert set(packet.components) == {
-        QRTComponentType.Component6d,
-        QRTComponentType.Component6dEuler,
-        QRTComponentType.Component6dRes,
-        QRTComponentType.Component6dEulerRes,
-    }
-    info, bodies = packet.get_6d()
-    assert info == RT6DComponent(2, 0, 0)
-    (position, rotation), (lost, _) = bodies
-    np.testing.assert_allclose(position, [1000.25, -250.5, 1500.0], atol=1e-4)
-    np.testing.assert_allclose(np.reshape(rotation.matrix, (3, 3)).T, ROTATIONS[0].as_matrix(), atol=1e-6)
-    assert np.isnan(lost).all()
-    _, eulers = packet.get_6d_euler()
-    turned = Rotation.from_euler("XYZ", eulers[0][1], degrees=True)  # QTM's standard: roll, pitch, yaw of moving axes
-    assert (turned * ROTATIONS[0].inv()).magnitude() < 1e-6
-    assert packet.get_6d_residual()[1][0][2].residual == pytest.approx(0.4)
-    assert len(packet.get_6d_euler_residual()[1]) == 2
 
 
 def test_what_is_no_packet_ends_the_connection(client):

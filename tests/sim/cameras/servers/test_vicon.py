@@ -43,16 +43,6 @@ def test_objects_are_theirs_byte_by_byte():
     assert dict(objects.static_objects((), 100.0))[objects.STREAM_INFO] == struct.pack("<q", 1_350_000)
 
 
-def test_a_lost_body_has_no_segment():
-    (kind, lead), (_, right) = objects.global_segments(a_frame((True, False)))
-    assert kind == objects.GLOBAL_SEGMENTS
-    assert right == struct.pack("<II", 2, 0)
-    values = struct.unpack("<III12d", lead)
-    assert values[:3] == (1, 1, 1)
-    np.testing.assert_allclose(values[3:6], [1000.25, -250.5, 1500.0])
-    np.testing.assert_allclose(np.reshape(values[6:], (3, 3)), [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
-
-
 def test_a_client_that_wants_frames_pushed():
     client = ViconConversation()
     assert client.received(WANT + STREAM) == b""

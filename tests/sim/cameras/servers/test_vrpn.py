@@ -8,9 +8,8 @@ from contextlib import asynccontextmanager
 import numpy as np
 import pytest
 
-from formation.messages import RawFrame
 from formation.mocap_config import MocapConfig
-from sim.cameras.servers.vrpn import VrpnServer, chingmu_server, vrpn_server
+from sim.cameras.servers.vrpn import VrpnServer, vrpn_server
 from tests.free_ports import free_port
 from wire.clock import REAL_TIME
 
@@ -57,10 +56,6 @@ def config_of(kind: str) -> MocapConfig:
     return MocapConfig.model_validate({"source": kind, kind: {"port": free_port()}})
 
 
-def frame_of(seen: tuple[bool, ...], bodies: tuple[str, ...] = BODIES) -> RawFrame:
-    return RawFrame(0, 123_456_789_000, bodies, POS, Q, np.array(seen))
-
-
 @asynccontextmanager
 async def served(server: VrpnServer) -> AsyncIterator[Client]:
     await server.start()
@@ -70,44 +65,6 @@ async def served(server: VrpnServer) -> AsyncIterator[Client]:
     finally:
         client.writer.close()
         await server.close()
-
-
-def test_a_tracker_a_body_and_hidden_ones_are_silent():
-    async def steps() -> None:
-        server = vrpn_server(config_of("vrpn"), BODIES, REAL_TIME)
-        async with served(server) as client:
-            cookie, senders, types = await client.greet()
-            assert cookie.startswith(b"vrpn: ver. 07.")
-            assert list(senders) == ["VRPN Control", "leader", "left"]
-            server.publish(frame_of((True, True)))
-            server.publish(frame_of((False, True)))
-            sent = [await client.message() for _ in range(3)]
-        assert [header[3] for header, _ in sent] == [senders["leader"], senders["left"], senders["left"]]
-        assert {header[4] for header, _ in sent} == {types["vrpn_Tracker Pos_Quat"]}
-        assert struct.unpack(">ii7d", sent[0][1]) == (0, 0, 1.0, 2.0, 3.0, 0.6, 0.0, 0.0, 0.8)
-        stamps_us = [header[1] * 1_000_000 + header[2] for header, _ in sent]
-        assert stamps_us[0] == (123_456_789_000 + server.clock_ns) // 1000
-        assert stamps_us[1] == stamps_us[0] + 10
-
-    asyncio.run(steps())
-
-
-def test_chingmu_sends_each_pose_twice_in_millimetres_and_a_lost_bodys_again():
-    async def steps() -> None:
-        server = chingmu_server(config_of("chingmu"), BODIES, REAL_TIME)
-        async with served(server) as client:
-            cookie, senders, _ = await client.greet()
-            assert cookie.startswith(b"vrpn: ver. 07.30")
-            assert list(senders) == ["VRPN Control", "MCServer"]
-            server.publish(frame_of((True, False)))
-            server.publish(frame_of((True, True)))
-            server.publish(frame_of((True, False)))
-            sent = [struct.unpack(">ii7d", (await client.message())[1]) for _ in range(10)]
-        assert [pose[0] for pose in sent] == [300, 300, 300, 300, 301, 301, 300, 300, 301, 301]
-        assert sent[0][2:] == (1000.0, 2000.0, 3000.0, 0.6, 0.0, 0.0, 0.8)
-        assert sent[4] == sent[9] == (301, 301, 4000.0, 5000.0, 6000.0, 0.0, 0.0, 0.0, 1.0)
-
-    asyncio.run(steps())
 
 
 def test_the_librarys_ping_is_answered():

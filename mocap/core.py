@@ -58,7 +58,9 @@ class MocapCore:
     def receive(self, raw: RawFrame, now_ns: int) -> LabFrame | None:
         """The frame for the bus, or None for a rejected frame. A rejected pose makes its body unseen."""
         is_stamped = raw.t_capture_ns != 0
-        if self._is_rejected(raw_fault(raw, now_ns, OLDEST_NS), now_ns):
+        fault = raw_fault(raw, now_ns, OLDEST_NS)
+        if fault is not None:
+            self.reject_log.note(SOURCE, f"frame {fault}", now_ns)
             return None
         self._note_names(raw.bodies)
         self._note_turn(raw)
@@ -73,11 +75,12 @@ class MocapCore:
         frame = self._alignment.align(raw, raw.seq, t_capture_ns, now_ns)
         is_known = is_stamped or self._retiming.scatter_ns is not None
         stamp_rejected = is_known and self._validator.rejects_stamp(t_capture_ns, now_ns)
-        fault = None if stamp_rejected else self._order_fault(t_capture_ns)
-        if fault is not None:
-            self._reject_order(fault, now_ns)
+        if not stamp_rejected and self._newest_ns is not None and t_capture_ns <= self._newest_ns:
+            self._reject_order("whose capture time does not advance", now_ns)
             return None
-        self._note_no_poses(frame, now_ns)
+        for body, code in zip(frame.bodies, frame.rejected.tolist(), strict=True):
+            if code:
+                self.reject_log.note(SOURCE, f"{body}: {Rejection(code).text}", now_ns)
         if stamp_rejected:
             frame = self._validator.without_poses(frame, (self._newest_ns or 0) + 1, now_ns)
         else:
@@ -113,26 +116,11 @@ class MocapCore:
         text = f"stamps are arrival times: frames are re-timed, with a scatter of {1e3 * scatter_s:.2f} ms"
         return (Event(Severity.WARNING, SOURCE, text),)
 
-    def _note_no_poses(self, frame: LabFrame, now_ns: int) -> None:
-        for body, code in zip(frame.bodies, frame.rejected.tolist(), strict=True):
-            if code:
-                self.reject_log.note(SOURCE, f"{body}: {Rejection(code).text}", now_ns)
-
-    def _is_rejected(self, fault: str | None, now_ns: int) -> bool:
-        if fault is not None:
-            self.reject_log.note(SOURCE, f"frame {fault}", now_ns)
-        return fault is not None
-
     def _reject_order(self, fault: str, now_ns: int) -> None:
         if self._is_interleaved:  # which was said
             self.reject_log.count += 1
         else:
             self.reject_log.note(SOURCE, f"frame {fault}", now_ns)
-
-    def _order_fault(self, t_capture_ns: int) -> str | None:
-        if self._newest_ns is None or t_capture_ns > self._newest_ns:
-            return None
-        return "whose capture time does not advance"
 
     def _note_names(self, bodies: tuple[str, ...]) -> None:
         """Remember bodies that are none of the lab's; report, once, those of the lab's that are named twice."""

@@ -241,7 +241,7 @@ def judge_separation(config: LabConfig, keys: Keys) -> Iterator[Finding]:
         why = f"the named shapes ({named}) would put neighbours nearer than limits.min_separation_m = {least_m:g} m"
         yield keys.reject("formation.spacing_m", SEPARATION, why, f"{least_m:g} m or more")
     yield from _width(config, keys)
-    if any("spawn_lab_m" in follower.model_fields_set for follower in config.followers):
+    if any(any(follower.spawn_lab_m) for follower in config.followers):  # in a file that a program wrote all are zero
         yield from _spawns(config, keys)
 
 

@@ -1,5 +1,7 @@
 """Every fault that a lab file alone decides: found at its exact key, with its reason; what is right is left alone."""
 
+import tomllib
+
 import pytest
 
 from formation.config import LabConfig
@@ -8,7 +10,7 @@ from gcs.finding import Finding, Grade
 from gcs.lab.findings import findings_of
 from gcs.lab.judge import judge
 from sim.scenario import load, shipped
-from wire.config_file import ConfigError, parse
+from wire.config_file import ConfigError, dump, parse
 
 LEADER = {"body": "lead", "sysid": 1, "profile": "paper_40g"}
 RIGHT, LEFT = [-0.4, -0.4, 0.0], [-0.4, 0.4, 0.0]
@@ -100,8 +102,8 @@ REFUSED: list[tuple[str, dict[str, object], str, str, str]] = [
      '["tcp/a:1", "tcp/a:1"]', "2 times"),
     ("few frames", {"mocap": {"rate_hz": 5.0}}, "mocap.rate_hz", "5", "no setpoint comes for 0.1 s"),
     ("kilohertz", {"mocap": {"rate_hz": 100_000.0}}, "mocap.rate_hz", "100000", "no mocap is as fast"),
-    ("drones start in one place", {"followers": followers(RIGHT, spawn_lab_m=[0, 0, 0])},
-     "followers[0].spawn_lab_m", "[0, 0, 0]", "right starts 0.00 m from lead"),
+    ("drones start in one place", {"followers": followers(RIGHT, LEFT, spawn_lab_m=[1, 0, 0])},
+     "followers[1].spawn_lab_m", "[1, 0, 0]", "left starts 0.00 m from right"),
     ("a drone starts outside", {"followers": followers(RIGHT, spawn_lab_m=[5, 0, 0])},
      "followers[0].spawn_lab_m", "[5, 0, 0]", "would not arm"),
     ("heading in degrees", {"followers": followers(RIGHT, LEFT, yaw_offset_rad=90.0)}, "followers[0].yaw_offset_rad",
@@ -226,6 +228,8 @@ def test_a_doubtful_value_is_warned_of_and_not_rejected(changes, key: str, words
 
 def test_a_plain_lab_is_neither_rejected_nor_warned_of() -> None:
     assert judge(lab()) == ()
+    written = parse(tomllib.loads(dump(lab())), LabConfig, source="lab.toml")  # by a program, every key in it
+    assert of(written, Grade.FAIL) == {}
 
 
 def test_each_fault_is_reported_once_and_from_where_the_leader_starts() -> None:

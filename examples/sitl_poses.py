@@ -50,7 +50,8 @@ class TrueState:
         """Receive a message of pymavlink; all but the two that tell the true state are left alone."""
         match message.get_type():
             case "HIL_STATE_QUATERNION":
-                t_ns = self._clock.made_ns(message.time_usec * 1000, now_ns)
+                stamp_us = message.time_usec  # PX4 leaves it at 0
+                t_ns = self._clock.made_ns(stamp_us * 1000, now_ns) if stamp_us else now_ns
                 q, vel = message.attitude_quaternion, (message.vx * 0.01, message.vy * 0.01, message.vz * 0.01)
                 lat, lon, alt = message.lat * 1e-7, message.lon * 1e-7, message.alt * 1e-3
             case "SIM_STATE":  # has no stamp

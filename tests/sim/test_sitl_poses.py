@@ -69,6 +69,14 @@ def test_publishes_the_true_pose_of_a_drone_that_takes_off() -> None:
     assert np.abs(steps).max() < 0.002  # hovering, though latitude comes in steps of 11 mm
 
 
+def _unstamped(north_m: float) -> object:
+    """HIL_STATE_QUATERNION as PX4 v1.17's SIH sends it: without a time."""
+    lat = 473977420 + round(np.degrees(north_m / 6_378_137.0) * 1e7)
+    mav = common.MAVLink(None, srcSystem=1)
+    fields = ([1.0, 0.0, 0.0, 0.0], 0, 0, 0, lat, 85455940, 488_000 + round(500 * north_m), 100, 0, -50, 0, 0, 0, 0, 0)
+    return mav.parse_buffer(mav.hil_state_quaternion_encode(0, *fields).pack(mav))[0]
+
+
 def _sim_state(north_m: float) -> object:
     lat = 473977420 + round(np.degrees(north_m / 6_378_137.0) * 1e7)
     values = (1, *[0] * 12, 0.0, 0.0, 488.0 + 0.5 * north_m, 0, 0, 1.0, 0.0, -0.5)
@@ -76,12 +84,13 @@ def _sim_state(north_m: float) -> object:
     return mav.parse_buffer(mav.sim_state_encode(*values, lat_int=lat, lon_int=85455940).pack(mav))[0]
 
 
-def test_frames_go_on_without_a_drone_that_falls_silent_and_its_last_pose_is_carried_on_until_then() -> None:
+@pytest.mark.parametrize("say", [_unstamped, _sim_state])
+def test_frames_go_on_without_a_drone_that_falls_silent_and_its_last_pose_is_carried_on_until_then(say) -> None:
     frames = EXAMPLE.Frames(_lab())
     published: list[RawFrame] = []
     for ms in range(0, 1000, 20):
         for state in frames.states.values() if ms < 500 else (frames.states["left"],):
-            state.receive(_sim_state(1e-3 * ms), ms * MS)
+            state.receive(say(1e-3 * ms), ms * MS)
         for now_ms in (ms, ms + 10):
             if (frame := frames.due(now_ms * MS)) is not None:
                 published.append(frame)

@@ -12,7 +12,6 @@ from formation.own_law.flight import OwnLaws
 from formation.vehicle.profile import VehicleProfile
 
 FRAME_NS = 10_000_000
-HEIGHTS_M = (0.0, 0.0, 0.1, 0.2, 0.3, 0.3, 0.3, 0.3)
 
 
 def warm_up(config: LabConfig, profiles: tuple[VehicleProfile, ...], own: OwnLaws | None = None) -> None:
@@ -32,7 +31,8 @@ def warm_up(config: LabConfig, profiles: tuple[VehicleProfile, ...], own: OwnLaw
         *(Setpoint(Mode.FORMATION),) * 3,
         Setpoint(Mode.LAB, (None, None, -0.3)),
     )
-    for k, (setpoint, height_m) in enumerate(zip(setpoints, HEIGHTS_M, strict=True)):
+    heights_m = (0.0, 0.0, 0.1, 0.2, 0.3, 0.3, 0.3, 0.3)
+    for k, (setpoint, height_m) in enumerate(zip(setpoints, heights_m, strict=True)):
         pos = np.column_stack([np.arange(n, dtype=np.float64), np.zeros(n), np.full(n, height_m)])
         frame = LabFrame(k, (k + 1) * FRAME_NS, bodies, pos, q, np.ones(n, dtype=np.bool_))
         stack.step((k + 1) * FRAME_NS + FRAME_NS // 2, frame, Plan((setpoint,) * m, shape, FRAME_NS), hover, None, bias)

@@ -24,6 +24,7 @@ from formation.control.prediction import (
     situation,
 )
 from formation.estimation.response import NEVER_NS, SECONDS, attitude_dead_s
+from formation.guidance.followed_leader import STEP_MAX_S
 from formation.guidance.reference_generator import SLOT
 from formation.maths.arrays import Float, Motion, Vec3
 from formation.maths.kernel import kernel
@@ -39,8 +40,7 @@ from formation.paper.eq56_super_twisting import (
 )
 
 HORIZON_MAX_NS = 400_000_000
-HORIZONTAL, VERTICAL = 0, 1  # the channels, each with a workspace of its own
-STEP_MAX_S = 0.1
+HORIZONTAL, VERTICAL = range(2)  # the channels, each with a workspace of its own
 SMC, CFC, PID, GEOMETRIC = int(Law.SMC), int(Law.CFC), int(Law.PID), int(Law.GEOMETRIC)
 SIDEWAYS_MOST_M_S2 = 11.7  # of gravity at a tilt of 50 degrees, the most that an agent follows
 Feedback = tuple[float, float, float, float, float]

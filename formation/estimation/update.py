@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.estimation.observers import (
+    PUSH_MOST_M_S2,
     adapt,
     follow_disturbance,
     height_gain,
@@ -42,7 +43,6 @@ from formation.paper.eq34_observer import fteso_step
 from formation.vehicle.body import GRAVITY_M_S2
 
 NOISE_FIRST_M, NOISE_FIRST_RAD, ACCEL_NOISE_INITIAL_M_S2 = 2e-4, 1e-3, 0.3  # the first guess of each sensor's noise
-DIST_MAX_M_S2 = 14.0
 LIFT_LEAST = 0.3  # of gravity: below it the thrust scale is not learned
 
 
@@ -195,7 +195,7 @@ def observe(
     for axis in range(alone, 3):
         observe_axis(z, axis, pos_lab_m[axis], seen, model[axis], dt_s, s)
     for axis in range(3):
-        z.dist_lab_m_s2[axis] = min(max(z.dist_lab_m_s2[axis], -DIST_MAX_M_S2), DIST_MAX_M_S2)
+        z.dist_lab_m_s2[axis] = min(max(z.dist_lab_m_s2[axis], -PUSH_MOST_M_S2), PUSH_MOST_M_S2)
     follow_disturbance(z, dt_s, s)
     if airborne and commanded and seen and z.specific_force_lab_m_s2[2] > LIFT_LEAST * GRAVITY_M_S2:
         learn_thrust_scale(z, dt_s, s)

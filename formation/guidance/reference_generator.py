@@ -16,7 +16,7 @@ from formation.maths.kernel import kernel
 from formation.maths.records import Rows, blank, copied
 from formation.paper.eq2_relative_frame import copy_motion, lab_from_lead, lead_from_lab
 
-POINT, SLOT, TRAJECTORY = 0, 1, 2
+POINT, SLOT, TRAJECTORY = range(3)
 LIFT_OFF_M = 0.02
 LAB_FLOOR_M = 0.0
 ENTRY_S = 3.0  # a leader off its trajectory's start takes this long to join it

@@ -25,7 +25,7 @@ from formation.trajectory_config import FROM_OUTSIDE
 HOLD, LINE, CIRCLE, WAYPOINTS, LISSAJOUS, SPLINE = range(6)
 # Where each of a trajectory's numbers is, after the start's x, y, z and heading; the last three along x, y and z.
 DURATION, LENGTH, RADIUS, LAP_RATE, LAP_RAMP, TURN_RATE, TURN_RAMP = range(4, 11)
-AMPLITUDE, CYCLES, PHASE = 11, 14, 17
+AMPLITUDE, CYCLES, PHASE = range(11, 20, 3)
 RAMP_MAX_S, TURN_RAMP_S = 3.0, 2.0
 PEAK_SPEED = 1.875  # of a minimum-jerk step of unit length and duration
 SHORTEST_S, HARDEST_S = 0.6, 0.2

@@ -23,8 +23,6 @@ from formation.maths.kernel import kernel
 
 SAMPLES = 121
 """At so many times a way is looked at. Two 2 m apart at first pass each other 0.25 m off, seen 0.252 m off at worst."""
-RISES = (1.5, -1.5, 2.0, -2.0, 3.0, -3.0, 4.0, 5.0, 1.0, -1.0)
-"""Heights at which a follower may pass, in clearances, best first: near, but out of the other's downwash."""
 ATTEMPTS_EACH = 3
 OWN_SHARE = 0.9
 
@@ -173,7 +171,8 @@ class _Paths:
     def _possible_rises(self, i: int, wanted_m: float) -> Float:
         """Heights at which body i would stay off the floor and the ceiling, best first."""
         level = self._straight(i)[:, 2]
-        rises = wanted_m * np.array(RISES)
+        # In clearances, best first: near, but out of the other's downwash.
+        rises = wanted_m * np.array((1.5, -1.5, 2.0, -2.0, 3.0, -3.0, 4.0, 5.0, 1.0, -1.0))
         paths = level + rises[:, None] * _BUMP
         low, high = min(self._space.low_m, float(level.min())), max(self._space.high_m, float(level.max()))
         inside: Float = rises[(paths.min(axis=1) >= low) & (paths.max(axis=1) <= high)]

@@ -22,7 +22,7 @@ from formation.maths.kernel import kernel
 from formation.maths.records import Rows, blank
 from formation.navigation.state import DELAY, ERRORS, POSE_ATTITUDE, POSE_POSITION, SCALE, THRUST, Estimate, Fault
 
-NOTHING, STEP, RAMP, LATE, LATER, LOSS = 0, 1, 2, 3, 4, 5
+NOTHING, STEP, RAMP, LATE, LATER, LOSS = range(6)
 """What a fault adds to an observation: 1 or its age along an axis; a step or ramp of the delay, a step of the scale."""
 ONSETS = 16
 OLDEST_NS = 4_000_000_000

@@ -13,8 +13,9 @@ import numpy as np
 
 from formation.maths.arrays import Float, Layout, Quat, Vec3, Vec4
 
-POS, VEL, ATT, BIAS, LEVEL, SCALE, DELAY, STAMP, ERRORS = 0, 3, 6, 9, 12, 15, 16, 17, 18
-POSE_POSITION, POSE_ATTITUDE, AUTOPILOT_ATTITUDE, THRUST, SOURCES = 0, 1, 2, 3, 4
+POS, VEL, ATT, BIAS, LEVEL = range(0, 15, 3)
+SCALE, DELAY, STAMP, ERRORS = range(15, 19)
+POSE_POSITION, POSE_ATTITUDE, AUTOPILOT_ATTITUDE, THRUST, SOURCES = range(5)
 """Where each source's innovation is; for position and attitude of a pose, autopilot's attitude and thrust."""
 SAMPLES = 1024
 """Inertial samples kept: 5 s at PX4's 200 Hz, more than the oldest onset."""

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from formation.config import LabConfig
-from formation.control.law import HORIZON_MAX_NS, STEP_MAX_S, Demand, LawMemory, LawSettings
+from formation.control.law import HORIZON_MAX_NS, Demand, LawMemory, LawSettings
 from formation.control.prediction import WORKSPACE, LawContext, situation
 from formation.estimation.response import NEVER_NS, SECONDS, attitude_dead_s
+from formation.guidance.followed_leader import STEP_MAX_S
 from formation.guidance.reference_generator import SLOT
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
@@ -22,7 +23,7 @@ from formation.paper.eq2_relative_frame import copy_motion
 
 ACC_MOST_M_S2 = 1e3
 """No vehicle's: who asks for more has lost its sums."""
-OWN, SLOT_MOTION, FRAME = 0, 1, 2
+OWN, SLOT_MOTION, FRAME = range(3)
 
 
 @dataclass(frozen=True, slots=True)

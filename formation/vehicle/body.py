@@ -6,9 +6,9 @@ Nothing is compiled here, so that reading a configuration waits for no compiler;
 from math import sqrt
 
 # Where each parameter is; INERTIA and DRAG are three each, along the body's axes.
-MASS, INERTIA, WHEELBASE, ROTOR_RADIUS, THRUST_MAX, THRUST_CURVE, YAW_TORQUE, MOTOR_LAG = 0, 1, 4, 5, 6, 7, 8, 9
-DRAG, GROUND_EFFECT, ATTITUDE_P, YAW_P, RATE_P, RATE_YAW_P, RATE_MAX, RATE_YAW_MAX = 10, 13, 14, 15, 16, 17, 18, 19
-RATE_FEED_FORWARD, NUMBERS = 20, 21
+MASS, INERTIA = range(2)
+WHEELBASE, ROTOR_RADIUS, THRUST_MAX, THRUST_CURVE, YAW_TORQUE, MOTOR_LAG, DRAG = range(4, 11)
+GROUND_EFFECT, ATTITUDE_P, YAW_P, RATE_P, RATE_YAW_P, RATE_MAX, RATE_YAW_MAX, RATE_FEED_FORWARD, NUMBERS = range(13, 22)
 
 GRAVITY_M_S2 = 9.8
 

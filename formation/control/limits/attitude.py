@@ -18,11 +18,12 @@ from formation.maths.arrays import Float, Quat, Scalars, Vec3, Vec4
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import attitude_of, heading_axes
 from formation.maths.records import Rows, blank
+from formation.messages import Saturation as Met
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
 from formation.vehicle.rigid_body import thrust_norm
 
-TILT, THRUST_LOW, THRUST_HIGH, FENCE = 1.0, 2.0, 4.0, 16.0  # bits of formation.messages.Saturation
+TILT, THRUST_LOW, THRUST_HIGH, FENCE = map(float, (Met.TILT, Met.THRUST_LOW, Met.THRUST_HIGH, Met.FENCE))
 FENCE_BRAKE_M_S2, FENCE_RATE_1_S = 4.0, 4.0
 LIFT_LEAST = 0.45  # of gravity: below it the attitude says nothing and the autopilot has no authority
 SINK_MOST_M_S2, SINKING_FROM_M_S = 1.0, 0.5  # what lands is not pushed down harder while it sinks

@@ -32,13 +32,14 @@ from formation.guidance.reference_generator import VehicleReference
 from formation.maths.arrays import Float, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, dtype_of, like
+from formation.messages import Saturation
 
 UNSEEN_S = 0.1  # until then where it is predicted to be is where it is
 DRIFT_S = 0.5  # how soon its last velocity is gone: a drone's agent levels and holds at 0.1 s, who carries one stops
 ABLE_M_S2 = 4.0
 VERTICAL_DIST_MAX_M_S2 = 4.0  # what no wind, battery or propeller does to a vehicle whose thrust is as commanded
 GROWN_MOST_M = 0.3  # a drone without setpoints is at rest within this
-SPEED, SEPARATION = 8.0, 32.0  # bits of formation.messages.Saturation
+SPEED, SEPARATION = float(Saturation.SPEED), float(Saturation.SEPARATION)
 SPEED_RATE_1_S, FAST = 6.0, 0.5  # where it begins, as a share of the limit: what is demanded below it is let be
 STEEP = 0.75  # sine squared of the elevation from which two are stacked, and part upwards and downwards
 PASSES, SETTLED_M_S2 = 60, 1e-9

@@ -1,4 +1,4 @@
-"""The paper's three experiments and a steady push, and what is measured in each.
+"""The paper's three experiments, and a steady push for searches and the league; and what is measured in each.
 
 The vehicle is `paper_40g`, or any other: attitude loop, motor lag, drag and ground effect as in its profile; the
 scenarios add 8 ms mocap delay with a tail of 0.5 ms, 0.1 mm and 1 mrad of noise, 0.5 ms of exposure jitter, and links
@@ -55,7 +55,7 @@ FORMATION_S = 20.0
 
 
 class Experiment(StrEnum):
-    """The paper's Figures 5, 6 and 7, and a push that begins at once and stays."""
+    """The paper's Figures 5, 6 and 7; and a push that begins at once and stays, which the paper does not have."""
 
     GUST = "gust"
     LINE = "line"

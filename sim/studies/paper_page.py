@@ -20,7 +20,7 @@ from formation.control.presets import PAPER_CFC, PAPER_ISTSMC, PAPER_SMC
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PAPER_40G_PRINTED
 from sim.studies.experiments import Experiment
-from sim.studies.paper import REPORTED, SHIPPED, Comparison, Figures, Mismatched
+from sim.studies.paper import REPORTED, SHIPPED, SHOWN, Comparison, Figures, Mismatched
 
 COLUMNS = (
     Quantity("gust_mean_dev_m", "gust: mean of largest", "mm", ".1f"),
@@ -32,9 +32,6 @@ COLUMNS = (
     Quantity("circle_vibration_m", "circle: vibration", "mm", ".2f"),
     Quantity("circle_rms_m", "circle: RMS", "mm", ".2f"),
     Quantity("chatter_deg", "chatter", "°", ".2f"),
-    Quantity("push_swing_deg", "push: swing", "°", ".2f"),
-    Quantity("push_settle_s", "push: settling", "s", ".2f"),
-    Quantity("push_deviation_m", "push: largest", "mm", ".0f"),
 )
 MISMATCH_COLUMNS = tuple(column for column in COLUMNS if column.field in Mismatched.__dataclass_fields__)
 NOMINAL = "as believed"
@@ -96,9 +93,7 @@ def html(comparison: Comparison) -> str:
 
 def drawings(comparison: Comparison) -> dict[str, Drawing]:
     """The paper's figures, by what their files are called."""
-    gust, line, circle = (
-        _traces(comparison, experiment) for experiment in (Experiment.GUST, Experiment.LINE, Experiment.CIRCLE)
-    )
+    gust, line, circle = (_traces(comparison, experiment) for experiment in SHOWN)
     with style.styled():
         return {
             "figure-5": figures.gust(gust),

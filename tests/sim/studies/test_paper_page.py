@@ -14,7 +14,7 @@ from sim.studies.paper import Comparison, Figures, Mismatched
 
 
 def figures(gust_m: float) -> Figures:
-    return Figures(gust_m, 1.1 * gust_m, 0.5, 0.4, 0.08, 0.001, 0.0005, None, 0.0005, 0.3, 0.2, 0.9, 0.1)
+    return Figures(gust_m, 1.1 * gust_m, 0.5, 0.4, 0.08, 0.001, 0.0005, None, 0.0005, 0.3)
 
 
 def comparison(*names: str, gust_m: float = 0.05, seeds: tuple[int, ...] = (1, 2)) -> Comparison:

@@ -40,7 +40,7 @@ from sim.studies.whatif import what_if
 from sim.world import T0_NS
 from wire.logs.mcap_read import Entry
 
-LAWS = ("default", "default_without_z3", "pid", "geometric", "paper_compensated")
+LAWS = ("default", "paper", "pid", "geometric", "paper_istsmc")
 WINDS = ("fan", "steady", "steps", "sines", "gusty", "gusty, led")
 VEHICLES = ("paper_40g", "px4_quad")
 LED = ", led"

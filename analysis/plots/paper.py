@@ -19,10 +19,8 @@ NAMES = {
     "smc": "SMC, printed gains",
     "istsmc": "ISTSMC, printed gains",
     "cfc_paper": "CFC, printed gains",
-    "cfc_paper_compensated": "CFC, printed gains, our compensation",
     "cfc": "CFC, as shipped",
     "cfc_imu": "as shipped, with HIGHRES_IMU",
-    "cfc_without_z3": "as shipped, without Z3",
     "pid": "cascade PID",
     "geometric": "geometric SE(3)",
 }
@@ -30,10 +28,8 @@ COLOURS = {
     "smc": "#c94f5d",
     "istsmc": "#e8932e",
     "cfc_paper": "#8a6d1f",
-    "cfc_paper_compensated": "#b3a03a",
     "cfc": "#1f77d0",
     "cfc_imu": "#0b4a8f",
-    "cfc_without_z3": "#6fb3e8",
     "pid": "#7a56c8",
     "geometric": "#2a9d6f",
 }

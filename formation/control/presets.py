@@ -1,8 +1,4 @@
-"""Named sets of gains: `paper`, as printed (Table 2), and `default`, ours; `pid_leader` has the paper's leader.
-
-For comparison alone: `paper_compensated`, the printed gains of law and observer behind our compensation of dead time
-and lag, and `default_without_z3`, ours without the observer's disturbance in the law.
-"""
+"""Named sets of gains: `paper`, as printed (Table 2), and `default`, ours; `pid_leader` has the paper's leader."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -107,7 +103,6 @@ DEFAULT = Preset(
     lag_compensation=LAG_COMPENSATION,
     leader_lag_compensation=LAG_COMPENSATION,
 )
-WITHOUT_Z3 = replace(DEFAULT, name="default_without_z3", follower=replace(HORIZONTAL, law=Law.ISTSMC))
 PID_LEADER = replace(
     DEFAULT, name="pid_leader", leader=LEADER_PID, own_observer=SLOW_OBSERVER, leader_lag_compensation=PLAIN
 )
@@ -125,7 +120,6 @@ PAPER_CFC = replace(
     parallel=ALONE,
     lag_compensation=PLAIN,
 )
-PAPER_COMPENSATED = replace(PAPER_CFC, name="paper_compensated", compensate=True, lag_compensation=FIRM_COMPENSATION)
 PAPER_ISTSMC = replace(
     PAPER_CFC,
     name="paper_istsmc",
@@ -136,13 +130,8 @@ PAPER_SMC = replace(PAPER_ISTSMC, name="paper_smc", follower=SlidingGains(Law.SM
 PID = replace(PID_LEADER, name="pid", follower=CascadeGains(4.4, 13.4, 1.0), lag_compensation=FIRM_COMPENSATION)
 GEOMETRIC = replace(PID, name="geometric", follower=GeometricGains(kx=50.8, kv=14.3, ki=4.0, mix=1.5, bound=1.0))
 PRESETS: Mapping[str, Preset] = MappingProxyType(
-    {
-        p.name: p
-        for p in (
-            DEFAULT, PID_LEADER, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC, PAPER_COMPENSATED, WITHOUT_Z3,
-        )
-    }
-)  # fmt: skip
+    {p.name: p for p in (DEFAULT, PID_LEADER, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC)}
+)
 
 
 def preset_for(name: str, profile: VehicleProfile, mocap: MocapConfig) -> Preset:

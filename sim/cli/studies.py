@@ -55,7 +55,7 @@ def compare(
     overwrite: Overwrite = False,
     as_json: Json = False,
 ) -> None:
-    """Fly the paper's gust, line and circle with nine controllers.
+    """Fly the paper's gust, line and circle with seven controllers.
 
     Writes paper.json and .html, and the paper's figures (PDF, SVG) and tables (LaTeX) into the folder figures.
     """

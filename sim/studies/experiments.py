@@ -33,10 +33,8 @@ CONTROLLERS: Mapping[str, str] = MappingProxyType(
         "smc": "paper_smc",
         "istsmc": "paper_istsmc",
         "cfc_paper": "paper",
-        "cfc_paper_compensated": "paper_compensated",
         "cfc": "default",
         "cfc_imu": "default",
-        "cfc_without_z3": "default_without_z3",
         "pid": "pid",
         "geometric": "geometric",
     }

@@ -1,4 +1,4 @@
-"""`gcs-sim paper`: the paper's three experiments under nine controllers, beside its own figures.
+"""`gcs-sim paper`: the paper's three experiments under seven controllers, beside its own figures.
 
 And the gust on five vehicles that the controller does not know (sim.studies.mismatch).
 """

@@ -51,14 +51,8 @@ BEHIND_PID = {"leader": PID_ROW, "own": CALM_OBSERVER, "leader_lead": AS_IS}
 ISTSMC = (Law.ISTSMC, 1.0, 8.0, 0.1, -0.49, 0.0, 0.0)
 EXPECTED = {
     "default": preset_row(),
-    "default_without_z3": preset_row((Law.ISTSMC, *HORIZONTAL[1:])),
     "pid_leader": preset_row(**BEHIND_PID),
     "paper": preset_row((Law.CFC, *ISTSMC[1:]), observer=(70.0, -2.0 / 9.0, 1.0, 0.0), **PRINTED),
-    "paper_compensated": preset_row(
-        (Law.CFC, *ISTSMC[1:]),
-        observer=(70.0, -2.0 / 9.0, 1.0, 0.0),
-        **(PRINTED | {"compensate": True, "follower_lead": FIRM}),
-    ),
     "paper_istsmc": preset_row(ISTSMC, observer=CALM_OBSERVER, **PRINTED),
     "paper_smc": preset_row((Law.SMC, 1.0, 0.0, 0.0, 0.0, 0.0, 5.0), observer=CALM_OBSERVER, **PRINTED),
     "pid": preset_row((4.4, 13.4, 1.0, 0.0), **BEHIND_PID, follower_lead=FIRM),

@@ -34,7 +34,7 @@ def test_a_job_that_fails_fails_the_batch(workers: int) -> None:
 
 def test_every_controller_flies_every_experiment_on_every_seed_under_its_own_preset() -> None:
     jobs = paper.jobs(range(1, 4))
-    assert len(jobs) == 9 * 3 * 3 + 5 * 3
+    assert len(jobs) == 7 * 3 * 3 + 5 * 3
     assert len(set(jobs)) == len(jobs)
     assert {job.seed for job in jobs if job.traced} == {1}
     presets = {job.controller: experiments.scenario_of(job).lab.control_preset for job in jobs}

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from bench.command import FAILED, Json
+from bench.robustness import NOISE_M
 from formation import topics
 from formation.config import LabConfig
 from formation.maths import frames
@@ -30,7 +31,6 @@ from sim.faults.poses import NOISE_RAD_PER_M
 from sim.lockstep import run_in_memory
 from sim.scenario import load, with_leader_file
 from sim.shipped import shipped
-from sim.studies.robustness import NOISE_M
 from sim.studies.runner import Runner
 
 AGGRESSIVE = "aggressive"

@@ -56,7 +56,6 @@ RUNS: dict[str, tuple[str, int]] = {
     "gcs-sim run": ("short.toml --out first", NUMBERED),
     "gcs-sim campaign": ("--replay 1:0 --log again.mcap", NUMBERED),
     "gcs-sim paper": ("--out tables --seeds 1", NUMBERED),
-    "gcs-sim robustness": ("--only 1 --out runs", NUMBERED),
     "gcs-sim tune": ("paper_40g --out tuned.toml", REFUSED),
     "gcs-sim league": ("default --out tables", NUMBERED),
     "gcs-log whatif": ("flight.mcap", NUMBERED),
@@ -117,10 +116,7 @@ def here(given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         to_json=str,
         comes_back=True,
         result="held",
-        failed=False,
-        draw=SimpleNamespace(host=SimpleNamespace(text="")),
         violations=(),
-        rms_m=0.0,
     )
     study.verdict = SimpleNamespace(contained=True, violations=())
     best = SimpleNamespace(cost=1.0, margin="", gain_scale=GainScale())
@@ -139,9 +135,6 @@ def here(given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ),
         "sim.cli.conclude.conclude": lambda *_, **_more: (None, None),
         "analysis.console.print_summary": lambda *_: None,
-        "sim.studies.robustness.judge": lambda *_: study,
-        "sim.studies.robustness.percentile_m": lambda *_: 0.0,
-        "sim.cli.studies._table": lambda *_: "",
         "sim.cli.campaign.fly": lambda _scenario, _seed, record: record(TICK, Tick(0), 0) or study,
         "sim.cli.campaign._page": lambda *_: "",
         "sim.studies.paper.jobs": lambda *_: [],

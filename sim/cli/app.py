@@ -24,7 +24,7 @@ from wire.process.program import Overwrite, print_json_error, program, starting,
 
 app = program(
     "Fly scenarios: `fly` with real processes in real time, `run` in lockstep as fast as the machine goes; "
-    "`paper` and `robustness` are studies of many flights, `campaign` is one with faults.",
+    "`paper` and `league` are studies of many flights, `campaign` is one with faults.",
     "Exit codes: 0 flown; 1 aborted, or less than required; 2 something given is not right; "
     "3 starved, the machine was too slow for the simulators; 130 interrupted.",
 )

@@ -1,4 +1,4 @@
-"""The studies of `gcs-sim`, `paper`, `robustness`, `tune` and `league`: many flights, a table, files for scripts.
+"""The studies of `gcs-sim`, `paper`, `tune` and `league`: many flights, a table, files for scripts.
 
 What they need is loaded when they are called: asking for help waits for no compiler.
 """
@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from wire.errors import ConfigError
 from wire.process.program import Overwrite
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from sim.studies.gain_search import Tried
     from sim.studies.host import Host
     from sim.studies.league import Result, Row
-    from sim.studies.robustness import Draw, Sample
     from sim.studies.runner import Runner
     from sim.studies.tune import Candidate, Task
 
@@ -39,7 +37,6 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, an
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command("paper")(compare)
-    app.command("robustness")(robust)
     app.command("tune")(tune_vehicle)
     app.command("league")(play_league)
 
@@ -66,7 +63,7 @@ def compare(
 
     console = Console(stderr=as_json, markup=False)
     try:
-        flights = paper.jobs(range(1, seeds + 1), vehicle_profile(vehicle), tuple(only or CONTROLLERS), _host(full))
+        flights = paper.jobs(range(1, seeds + 1), vehicle_profile(vehicle), tuple(only or CONTROLLERS), host_of(full))
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
     runner = Runner(console)
@@ -77,49 +74,6 @@ def compare(
         print(comparison.to_json())
     runner.write(out, {"paper.json": comparison.to_json() + "\n", "paper.html": paper_page.html(comparison)}, overwrite)
     paper_page.publish(comparison, new_folder(out / "figures", overwrite))
-
-
-def robust(
-    samples: Annotated[int, typer.Option(min=1, help="How many draws, by seeds from --first on.")] = 100,
-    first: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1,
-    only: Annotated[int | None, typer.Option(help="Fly this one seed again, with log and report.")] = None,
-    profile: Annotated[str, typer.Option(help="The vehicle the controller believes in.")] = "paper_40g",
-    preset: Annotated[str, typer.Option(help="The controller.")] = "default",
-    full: Full = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print every sample as JSON, and nothing else there.")
-    ] = False,
-    out: OutFolder = Path("runs"),
-    overwrite: Overwrite = False,
-) -> None:
-    """Fly vehicles that are not what the controller believes; the worst ten, by seed. Exit code 1 if any failed."""
-    from sim.studies import robustness
-    from sim.studies.host import Host
-    from sim.studies.robustness import Draw
-    from sim.studies.runner import Runner
-
-    console, host = Console(stderr=as_json, markup=False), _host(full)
-    if only is not None:
-        flown = [_fly_again(Draw(only, profile, preset, Host.LOCKSTEP), out, console, overwrite)]
-    else:
-        draws = [Draw(seed, profile, preset, host) for seed in range(first, first + samples)]
-        flown = Runner(console).run("flights", robustness.fly, draws)
-    failures = sum(sample.failed for sample in flown)
-    percentiles_m = {percent: robustness.percentile_m(flown, percent) for percent in (50.0, 95.0, 100.0)}
-    if as_json:
-        values = {
-            "samples": [asdict(sample) | {"failed": sample.failed} for sample in flown],
-            "failed": failures,
-            "host": host,
-            "rms_m": {f"p{percent:g}": value_m for percent, value_m in percentiles_m.items()},
-        }
-        print(json.dumps(without_nan(values), indent=2, allow_nan=False))
-    console.print(_table(robustness.worst(flown)))
-    median_mm, high_mm = 1e3 * percentiles_m[50.0], 1e3 * percentiles_m[95.0]
-    console.print(f"{len(flown)} flights {flown[0].draw.host.text}, {failures} failed", highlight=False)
-    console.print(f"RMS on line and circle: median {median_mm:.2f} mm, 95 % under {high_mm:.2f} mm", highlight=False)
-    if failures:
-        raise typer.Exit(FAILED)
 
 
 def tune_vehicle(
@@ -152,7 +106,7 @@ def tune_vehicle(
 
     console = Console(stderr=as_json, markup=False)
     profile = vehicle_profile(vehicle)
-    task = Task(profile, rate_hz, delay_s, noise_m, _host(full))
+    task = Task(profile, rate_hz, delay_s, noise_m, host_of(full))
     if law is not None:
         _search_law(task, law, out, overwrite, console, as_json)
         return
@@ -242,9 +196,6 @@ def play_league(
         Path | None,
         typer.Option(metavar="DIR", help="In five winds, too: Neural-Fly's recordings, custom_figure8_*.csv."),
     ] = None,
-    bound: Annotated[
-        bool, typer.Option("--bound", help="And how much of what is possible in the gust each reaches.")
-    ] = False,
     check: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Fly a result file's rows again: the same to the bit?")
     ] = None,
@@ -278,17 +229,12 @@ def play_league(
         results = list(zip(jobs, runner.run("flights", league.fly, jobs), strict=True))
     except (OSError, ValueError) as error:
         fail(str(error), NOT_RIGHT)
-    bound_m = (
-        league.least_m(list(dict.fromkeys(row.vehicle for row in jobs if row.scene == league.GUST))) if bound else {}
-    )
-    for table in league_page.console_tables(results, bound_m):
+    for table in league_page.console_tables(results):
         console.print(table)
-    text = league.to_json(results, bound_m, recorded_m)
+    text = league.to_json(results, recorded_m)
     if as_json:
         print(text)
-    runner.write(
-        out, {"league.json": text + "\n", "league.html": league_page.html(results, bound_m, recorded_m)}, overwrite
-    )
+    runner.write(out, {"league.json": text + "\n", "league.html": league_page.html(results, recorded_m)}, overwrite)
     if any(result.outcome == FlightResult.LAW_FAILED for _, result in results):
         raise typer.Exit(FAILED)
 
@@ -345,7 +291,8 @@ def without_nan(value: object) -> object:
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
-def _host(full: bool) -> "Host":
+def host_of(full: bool) -> "Host":
+    """What flies a study."""
     from sim.studies.host import Host
 
     return Host.LOCKSTEP if full else Host.STUDY
@@ -359,34 +306,3 @@ def _gains_of(preset: "Preset") -> dict[str, Any]:
 def _cost(cost: float) -> float | None:
     """None where nothing flew: JSON has no infinity."""
     return cost if isfinite(cost) else None
-
-
-def _fly_again(draw: "Draw", out: Path, console: Console, overwrite: bool) -> "Sample":
-    """Fly one draw with a log and a report."""
-    from analysis.console import print_summary
-    from sim import lockstep
-    from sim.cli.conclude import conclude
-    from sim.studies import robustness
-    from wire.files import new_folder
-
-    scenario = robustness.scenario_of(draw)
-    log = new_folder(out / scenario.name, overwrite) / "flight.mcap"
-    flown = lockstep.run_to_file(scenario, draw.seed, log, overwrite=overwrite)
-    flight, summary = conclude(log, flown.outcome, flown.realtime_factor, overwrite=overwrite)
-    print_summary(summary, console)
-    return robustness.judge(draw, flown.outcome.result, flight, summary)
-
-
-def _table(worst: "list[Sample]") -> Table:
-    """The worst ten and how to fly them again."""
-    from sim.studies.experiments import Experiment
-
-    table = Table(title="the worst; again with --only SEED")
-    for heading in ("seed", "experiment", "outcome", "RMS, mm", "largest, mm", "swing, deg"):
-        table.add_column(heading, justify="left" if heading in ("experiment", "outcome") else "right")
-    for sample in worst:
-        outcome = f"{sample.outcome}, left its fence" if sample.left_fence else sample.outcome
-        swing = f"{sample.swing_deg:.2f}" if sample.kind is Experiment.PUSH else ""
-        numbers = (f"{1e3 * sample.rms_m:.2f}", f"{1e3 * sample.max_m:.1f}", swing)
-        table.add_row(str(sample.draw.seed), sample.kind, outcome, *numbers, style="red" if sample.failed else None)
-    return table

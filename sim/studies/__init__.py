@@ -1,1 +1,1 @@
-"""Many flights, and what they show: paper, robustness, tune, league; and one flight again: what if."""
+"""Many flights, and what they show: paper, tune, league; and one flight again: what if."""

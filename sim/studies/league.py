@@ -27,13 +27,11 @@ from formation.config import Fence, FollowerConfig
 from formation.maths.arrays import Float
 from formation.messages import Phase
 from formation.trajectory_config import TrajectoryConfig
-from formation.vehicle.bound import least_deviation_by_attitude_m
 from formation.vehicle.profile import VehicleProfile, profile
 from sim.cameras.emulator import Gap
 from sim.faults.fault import Family, Fault
 from sim.scenario import Pose, Scenario, TrueVehicle
 from sim.studies import experiments, host, neural_fly
-from sim.studies.bound import attitude_loop, gust_push
 from sim.studies.experiments import Experiment, Job
 from sim.studies.gust import SETTLED_M, chatter_deg, pushes, settling
 from sim.studies.laws import ChosenLaw, followed_by
@@ -45,7 +43,6 @@ VEHICLES = ("paper_40g", "px4_quad", "crazyflie_27g")
 BUILT_IN = ("paper_smc", "paper_istsmc", "paper", "default", "pid", "geometric")
 EIGHT_M, EIGHT_YAW_RAD_S = 3.0, 0.3
 COARSE_M, HIDDEN_SHARE = 0.002, 0.05
-GUST = "gust"
 PAYLOAD, LOADED_S = 1.3, (10.0, 18.0)
 """Times its own mass; from when to when in formation."""
 DROP_OUTS = tuple(
@@ -114,7 +111,7 @@ SCENES: Mapping[str, Callable[[VehicleProfile], Scenario]] = MappingProxyType(
     {
         "line": lambda v: _of(Experiment.LINE, v),
         "circle": _circle,
-        GUST: lambda v: _of(Experiment.GUST, v),
+        "gust": lambda v: _of(Experiment.GUST, v),
         "push": lambda v: _of(Experiment.PUSH, v),
         "eight, 1 m/s": lambda v: _eight(v, 1.0),
         "eight, 2 m/s": lambda v: _eight(v, 2.0),
@@ -315,22 +312,9 @@ def cost(result: Result) -> float:
     return result.rms_m if result.outcome in GOOD_RESULTS and result.rms_m is not None else np.inf
 
 
-def least_m(vehicles: Sequence[str]) -> dict[str, float]:
-    """The least deviation in the gust of any law that commands attitudes, by vehicle (sim.studies.bound)."""
-    scenarios = {name: SCENES[GUST](profile(name)) for name in vehicles}
-    return {
-        name: least_deviation_by_attitude_m(gust_push(scenario), attitude_loop(scenario))
-        for name, scenario in scenarios.items()
-    }
-
-
-def to_json(
-    flown: Sequence[tuple[Row, Result]],
-    bound_m: Mapping[str, float] = MappingProxyType({}),
-    recorded_m: Recorded | None = None,
-) -> str:
-    """The result file: versions, the laws with the hashes of their files, the bound by vehicle, the RMS of recorded
-    flights by method and scene, and a row a flight."""
+def to_json(flown: Sequence[tuple[Row, Result]], recorded_m: Recorded | None = None) -> str:
+    """The result file: versions, the laws with the hashes of their files, the RMS of recorded flights by method and
+    scene, and a row a flight."""
     laws = {row.law.label: _described(row.law) for row, _ in flown}
     table = [
         {
@@ -344,7 +328,7 @@ def to_json(
         | asdict(result)
         for row, result in flown
     ]
-    facts = {"versions": versions(), "laws": laws, "gust_bound_m": dict(bound_m), "recorded_rms_m": recorded_m or {}}
+    facts = {"versions": versions(), "laws": laws, "recorded_rms_m": recorded_m or {}}
     return json.dumps(facts | {"rows": table}, indent=1, allow_nan=False)
 
 

@@ -1,6 +1,6 @@
 """The league for people: tables for a terminal, and one page; the best law of each scene is marked, whoever it is."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from rich import box
@@ -11,10 +11,9 @@ from analysis.page import Row as Line
 from analysis.page import Section
 from analysis.quantity import UNKNOWN, Quantity
 from formation.codes import GOOD_RESULTS
-from sim.studies.league import GUST, Recorded, Result, Row, cost, versions
+from sim.studies.league import Recorded, Result, Row, cost, versions
 
 Flown = Sequence[tuple[Row, Result]]
-Bound = Mapping[str, float]
 COLUMNS = (
     Quantity("rms_m", "RMS", "mm", ".2f"),
     Quantity("max_m", "largest", "mm", ".1f"),
@@ -29,8 +28,8 @@ ABREAST, ABREAST_ON_PAGE = 5, 8
 """Laws beside each other on a terminal of eighty characters, and on the page."""
 
 
-def console_tables(flown: Flown, bound_m: Bound) -> Iterator[Table]:
-    """RMS by law and scene, a vehicle after the other, ABREAST laws a table; bound_m: of the gust, by vehicle."""
+def console_tables(flown: Flown) -> Iterator[Table]:
+    """RMS by law and scene, a vehicle after the other, ABREAST laws a table."""
     for vehicle in dict.fromkeys(row.vehicle for row, _ in flown):
         for laws in _abreast(flown, ABREAST):
             table = Table(title=f"{vehicle}: RMS off the slot, mm", box=box.SIMPLE_HEAD)
@@ -39,15 +38,12 @@ def console_tables(flown: Flown, bound_m: Bound) -> Iterator[Table]:
                 table.add_column(law, justify="right")
             for scene in _scenes(flown, vehicle):
                 table.add_row(scene, *_cells(flown, vehicle, scene, laws, COLUMNS[0]))
-            for cells in _shares(flown, vehicle, laws, bound_m):
-                table.add_row(*cells)
             table.add_row("best in", *(str(_wins(flown, vehicle, law)) for law in laws))
             yield table
 
 
-def html(flown: Flown, bound_m: Bound, recorded_m: Recorded | None = None) -> str:
-    """The page: a section a vehicle, a table a figure; bound_m: of the gust, by vehicle; recorded_m: RMS of recorded
-    flights, by method and scene."""
+def html(flown: Flown, recorded_m: Recorded | None = None) -> str:
+    """The page: a section a vehicle, a table a figure; recorded_m: RMS of recorded flights, by method and scene."""
     laws, scenes = _abreast(flown, ABREAST_ON_PAGE), {row.scene for row, _ in flown}
     facts = ", ".join(f"{name} {value}" for name, value in versions().items())
     sections = [
@@ -57,10 +53,6 @@ def html(flown: Flown, bound_m: Bound, recorded_m: Recorded | None = None) -> st
             f"A star marks the law with the smallest RMS of those that flew to the end.{_tuned(flown, vehicle)}",
             parts=[
                 *(_figure(flown, vehicle, beside, column) for column in COLUMNS for beside in laws),
-                *(
-                    page.table(("", *(f"#{law}" for law in beside)), _shares(flown, vehicle, beside, bound_m))
-                    for beside in laws
-                ),
                 _recorded(flown, vehicle, recorded_m or {}),
             ],
         )
@@ -85,15 +77,6 @@ def _tuned(flown: Flown, vehicle: str) -> str:
     """Which laws flew with other options than their own; empty: none."""
     names = dict.fromkeys(row.law.label for row, _ in flown if row.vehicle == vehicle and row.law.law)
     return f" With options from a file: {', '.join(names)}; league.json has them." if names else ""
-
-
-def _shares(flown: Flown, vehicle: str, laws: Sequence[str], bound_m: Bound) -> Iterator[tuple[str, ...]]:
-    """The least largest deviation in the gust over each law's; nothing where no bound was computed."""
-    here = _results(flown, vehicle, GUST)
-    if vehicle in bound_m and here:
-        largest_m = (here[law].max_m if law in here and cost(here[law]) < np.inf else None for law in laws)
-        shares = (UNKNOWN if most is None else f"{100.0 * bound_m[vehicle] / most:.0f}" for most in largest_m)
-        yield (f"gust: {1e3 * bound_m[vehicle]:.1f} mm possible, % of largest", *shares)
 
 
 def _figure(flown: Flown, vehicle: str, laws: Sequence[str], column: Quantity) -> page.Table | None:

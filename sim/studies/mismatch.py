@@ -1,6 +1,6 @@
 """Vehicles that are not what the controller believes, five of them, by name: bodies that could stand in the room.
 
-Each is the believed vehicle times factors at the edge of what `gcs-sim robustness` draws at random: 30 % of mass, with
+Each is the believed vehicle times factors at the edge of what `bench.robustness` draws at random: 30 % of mass, with
 the inertia that the same body made of heavier or lighter stuff has, half of the lags, twice the delays (of cameras,
 links and vehicle). Weak motors are an empty battery (0.85) and old propellers.
 """

@@ -3,13 +3,11 @@ import json
 import pytest
 from rich.console import Console
 
-from sim.studies import experiments, host, paper, push, robustness
+from sim.studies import experiments, paper
 from sim.studies.experiments import CONTROLLERS, Experiment, Job, Score
 from sim.studies.gust import GustNumbers
-from sim.studies.host import Host
 from sim.studies.mismatch import MISMATCHES
 from sim.studies.push import Settling
-from sim.studies.robustness import Draw
 from sim.studies.runner import Runner, run_all
 
 
@@ -76,23 +74,3 @@ def test_the_table_holds_medians_and_null_where_no_flight_could_tell(monkeypatch
         "line_vibration_m", "line_rms_m",
         "circle_vibration_m", "circle_rms_m", "chatter_deg",
     } <= set(cfc)  # fmt: skip
-
-
-@pytest.mark.parametrize("seed", [68, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in (62, 95))])
-def test_a_drawn_vehicle_is_not_held_for_a_fault_that_its_poses_do_not_have(seed: int) -> None:
-    """62 is turned by a gust while only ATTITUDE_QUATERNION shows it, beside poses with 10 mrad of noise.
-
-    68 rises before a delay of noisy poses can be told; 95 is turned by a gust as fast as 10 rad/s.
-    """
-    assert not robustness.fly(Draw(seed, host=Host.LOCKSTEP)).failed
-
-
-def test_a_vehicle_quicker_than_believed_does_not_swing_on_in_a_push() -> None:
-    """Of 1.2 times the mass, with loops 1.8 times as fast, seen at 50 Hz with 0.4 mm of noise; 0.55 of the limit.
-
-    From 0.6 on it may: turning takes so much of the motors that the height goes.
-    """
-    scenario = robustness.scenario_of(Draw(67, "px4_quad"))
-    scenario = scenario.model_copy(update=push.push_of(scenario.lab, 0.55))
-    result, flight = host.fly(scenario, 67, host=Host.LOCKSTEP)
-    assert push.settling(flight, result).swing_deg < 0.6 * robustness.SWING_DEG

@@ -1,27 +1,40 @@
-"""`gcs-sim robustness`: flights of vehicles that differ from what the controller believes, drawn by seed.
+"""`python -m bench.robustness`: flights of vehicles that differ from what the controller believes, drawn by seed.
 
 A seed decides everything: the experiment, every drone's true vehicle and whether its autopilot sends HIGHRES_IMU, the
 mocap, the links, the moment of a dropout.
 """
 
+import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
 
+from analysis.console import print_summary
 from analysis.load import Flight
 from analysis.metrics import Summary, summarise
+from bench.command import FAILED, Json
 from formation.codes import GOOD_RESULTS
 from formation.config import Fence
 from formation.maths.arrays import Bool
 from formation.messages import Phase
 from formation.vehicle.profile import VehicleProfile, profile
+from sim import lockstep
 from sim.cameras.emulator import EmulatorConfig, Gap
+from sim.cli.conclude import conclude
+from sim.cli.studies import Full, host_of, without_nan
 from sim.faults.poses import NOISE_RAD_PER_M
 from sim.scenario import LinkModel, Scenario, TrueVehicle, flown_by, load
 from sim.studies import host, push
 from sim.studies.experiments import FORMATION_S, SCENARIOS, Experiment
 from sim.studies.host import Host
+from sim.studies.runner import Runner
+from wire.files import new_folder
 
 MASS = INERTIA = 0.3
 CURVE = 0.1
@@ -193,3 +206,65 @@ def _left_fence(flight: Flight, fence: Fence) -> bool:
         if any(outside[(truth.t_s >= span.start_s) & (truth.t_s <= span.end_s)].any() for span in aloft):
             return True
     return False
+
+
+def main(
+    samples: Annotated[int, typer.Option(min=1, help="How many draws, by seeds from --first on.")] = 100,
+    first: Annotated[int, typer.Option(min=0, help="The first seed.")] = 1,
+    only: Annotated[int | None, typer.Option(help="Fly this one seed again, with log and report.")] = None,
+    profile: Annotated[str, typer.Option(help="The vehicle the controller believes in.")] = "paper_40g",
+    preset: Annotated[str, typer.Option(help="The controller.")] = "default",
+    full: Full = False,
+    as_json: Json = False,
+    out: Annotated[Path, typer.Option(help="Where the files of --only go.")] = Path("runs"),
+) -> None:
+    """Fly vehicles that are not what the controller believes; the worst ten, by seed. Exit code 1 if any failed."""
+    console, host = Console(stderr=as_json, markup=False), host_of(full)
+    if only is not None:
+        flown = [_fly_again(Draw(only, profile, preset, Host.LOCKSTEP), out, console)]
+    else:
+        draws = [Draw(seed, profile, preset, host) for seed in range(first, first + samples)]
+        flown = Runner(console).run("flights", fly, draws)
+    failures = sum(sample.failed for sample in flown)
+    percentiles_m = {percent: percentile_m(flown, percent) for percent in (50.0, 95.0, 100.0)}
+    if as_json:
+        values = {
+            "samples": [asdict(sample) | {"failed": sample.failed} for sample in flown],
+            "failed": failures,
+            "host": host,
+            "rms_m": {f"p{percent:g}": value_m for percent, value_m in percentiles_m.items()},
+        }
+        print(json.dumps(without_nan(values), indent=2, allow_nan=False))
+    console.print(_table(worst(flown)))
+    median_mm, high_mm = 1e3 * percentiles_m[50.0], 1e3 * percentiles_m[95.0]
+    console.print(f"{len(flown)} flights {flown[0].draw.host.text}, {failures} failed", highlight=False)
+    console.print(f"RMS on line and circle: median {median_mm:.2f} mm, 95 % under {high_mm:.2f} mm", highlight=False)
+    if failures:
+        raise typer.Exit(FAILED)
+
+
+def _fly_again(draw: Draw, out: Path, console: Console) -> Sample:
+    """Fly one draw with a log and a report."""
+    scenario = scenario_of(draw)
+    log = new_folder(out / scenario.name, False) / "flight.mcap"
+    flown = lockstep.run_to_file(scenario, draw.seed, log)
+    flight, summary = conclude(log, flown.outcome, flown.realtime_factor)
+    print_summary(summary, console)
+    return judge(draw, flown.outcome.result, flight, summary)
+
+
+def _table(worst: list[Sample]) -> Table:
+    """The worst ten and how to fly them again."""
+    table = Table(title="the worst; again with --only SEED")
+    for heading in ("seed", "experiment", "outcome", "RMS, mm", "largest, mm", "swing, deg"):
+        table.add_column(heading, justify="left" if heading in ("experiment", "outcome") else "right")
+    for sample in worst:
+        outcome = f"{sample.outcome}, left its fence" if sample.left_fence else sample.outcome
+        swing = f"{sample.swing_deg:.2f}" if sample.kind is Experiment.PUSH else ""
+        numbers = (f"{1e3 * sample.rms_m:.2f}", f"{1e3 * sample.max_m:.1f}", swing)
+        table.add_row(str(sample.draw.seed), sample.kind, outcome, *numbers, style="red" if sample.failed else None)
+    return table
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -215,10 +215,9 @@ def fly_control(job: ControlJob) -> ControlResult:
     return ControlResult(failed, not fly(flight, job.seed, without=without).verdict.contained)
 
 
-def jobs(seed: int, flights: int, only: Sequence[str] = ()) -> list[ControlJob]:
-    """So many flights of each monitor, or of some alone."""
-    wanted = [name for name in CONTROLS if not only or name in only]
-    return [ControlJob(name, seed + k) for name in wanted for k in range(flights)]
+def jobs(seed: int, flights: int) -> list[ControlJob]:
+    """So many flights of each monitor."""
+    return [ControlJob(name, seed + k) for name in CONTROLS for k in range(flights)]
 
 
 def shares(flown: Sequence[ControlJob], tried: Sequence[ControlResult]) -> dict[str, Shares]:

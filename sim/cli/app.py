@@ -180,7 +180,6 @@ def campaign(
         list[str] | None, typer.Option(metavar="NAME", help="Draw each run's first fault of it; again for more.")
     ] = None,
     profile: Annotated[str, typer.Option(help="Of the vehicles that fly.")] = "paper_40g",
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes; without it one a core.")] = None,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Of a Dask cluster that flies instead of this machine.")
     ] = None,
@@ -189,26 +188,19 @@ def campaign(
     ] = None,
     log: Annotated[Path | None, typer.Option(metavar="FILE.mcap", help="With --replay: log it there.")] = None,
     overwrite: Overwrite = False,
-    table: Annotated[bool, typer.Option("--table", help="Fly each fault of the table once, show how it ends.")] = False,
     controls: Annotated[
         int, typer.Option(min=0, metavar="N", help="And N flights without each monitor, which must then fail.")
     ] = 0,
-    only: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Of table or controls this one alone; again for more.")
-    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else there.")] = False,
 ) -> None:
     """Fly with random faults; judged by what is true of the drones alone. Exit code 1 if anything was not contained."""
     from sim.cli import campaign as commands
 
     draw = partial(commands.drawn_by, families=tuple(family or ()), vehicle=profile)
-    if table:
-        commands.run_table(tuple(only or ()), workers, as_json)
-    elif replay is not None:
+    if replay is not None:
         commands.run_again(replay, draw, log, as_json, overwrite)
     else:
-        asked = commands.CampaignOptions(range(first, first + runs), draw(seed), controls, tuple(only or ()))
-        commands.run_campaign(asked, workers, scheduler, as_json)
+        commands.run_campaign(draw(seed), range(first, first + runs), controls, scheduler, as_json)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 import typer
@@ -17,7 +17,6 @@ from sim.campaign.campaign import Cluster, Failure, Workers
 from sim.campaign.draw import FAMILIES_DRAWN, Draw, run_of
 from sim.campaign.flight import fly
 from sim.campaign.oracle import Verdict
-from sim.campaign.table import fly_rows, shared_flights, table
 from sim.cli.flights import compile_everything, fail
 from sim.studies.runner import Runner
 from sim.world import T0_NS
@@ -25,43 +24,13 @@ from wire.logs.mcap_write import LogWriter
 from wire.process.system import NOT_RIGHT, REJECTED
 
 
-def run_table(only: tuple[str, ...], workers: int | None, as_json: bool) -> None:
-    """The faults that were found, each flown once."""
-    console = Console(stderr=as_json, markup=False)
-    names = [row.name for row in table()]
-    if unknown := [name for name in only if name not in names]:
-        fail(f"no row {unknown[0]!r} in the table; there are: {', '.join(names)}", NOT_RIGHT)
-    wanted = [name for name in names if not only or name in only]
-    compile_everything()
-    flights = Runner(console, workers).run("table", fly_rows, shared_flights(wanted))
-    together = {name: verdict for verdicts in flights for name, verdict in verdicts.items()}
-    flown = {name: together[name] for name in wanted}
-    if as_json:
-        print(json.dumps({name: asdict(verdict) for name, verdict in flown.items()}, indent=2))
-    console.print(_page(flown))
-    uncontained = sum(not verdict.contained for verdict in flown.values())
-    console.print(f"{len(flown)} faults, {uncontained} not contained", highlight=False)
-    if uncontained:
-        raise typer.Exit(REJECTED)
-
-
-@dataclass(frozen=True, slots=True)
-class CampaignOptions:
-    """A campaign: runs with random faults, flights of each positive control, and which of these alone."""
-
-    runs: range
-    draw: Draw
-    controls: int
-    only: tuple[str, ...]
-
-
-def run_campaign(asked: CampaignOptions, workers: int | None, scheduler: str | None, as_json: bool) -> None:
-    """Random faults, and positive controls."""
+def run_campaign(draw: Draw, runs: range, flights: int, scheduler: str | None, as_json: bool) -> None:
+    """Runs with random faults, and so many flights of each positive control."""
     console = Console(stderr=as_json, markup=False)
     compile_everything()
-    crew = _workers(workers, scheduler, console)
-    result = campaign.fly(asked.draw, asked.runs, crew)
-    jobs = controls.jobs(asked.draw.seed, asked.controls, asked.only)
+    crew = _workers(scheduler, console)
+    result = campaign.fly(draw, runs, crew)
+    jobs = controls.jobs(draw.seed, flights)
     shares = controls.shares(jobs, crew.run("positive controls", controls.fly_control, jobs)) if jobs else {}
     if as_json:
         with_it = {name: share.with_it for name, share in shares.items()}
@@ -80,9 +49,9 @@ def run_campaign(asked: CampaignOptions, workers: int | None, scheduler: str | N
         line = f"nearest to a limit: {near.margin.used:.0%}, {near.margin.text}    {near.draw.again(near.number)}"
         console.print(line, style="dim", highlight=False, soft_wrap=True)
     for name, share in shares.items():
-        line = f"without {name}: {share.without:.0%} of {asked.controls} flights failed, with it {share.with_it:.0%}"
+        line = f"without {name}: {share.without:.0%} of {flights} flights failed, with it {share.with_it:.0%}"
         console.print(line, style=None if share.shows else "red", highlight=False)
-    for name, behind in controls.REDUNDANT.items() if shares and not asked.only else ():
+    for name, behind in controls.REDUNDANT.items() if shares else ():
         console.print(f"without {name}: no control, {behind}", style="dim", highlight=False)
     if result.failures or not all(share.shows for share in shares.values()):
         raise typer.Exit(REJECTED)
@@ -115,16 +84,16 @@ def run_again(run: str, draw: Callable[[int], Draw], log: Path | None, as_json: 
         verdict = fly(scenario, scenario.seed, record).verdict
     if as_json:
         print(json.dumps(asdict(verdict), indent=2))
-    console.print(_page({run: verdict}))
+    console.print(_page(run, verdict))
     for violation in verdict.violations:
         console.print(f"{violation.t_s:7.2f} s  {violation.kind}: {violation.text}", highlight=False)
     if not verdict.contained:
         raise typer.Exit(REJECTED)
 
 
-def _workers(workers: int | None, scheduler: str | None, console: Console) -> Workers:
+def _workers(scheduler: str | None, console: Console) -> Workers:
     if scheduler is None:
-        return Runner(console, workers)
+        return Runner(console)
     try:
         return Cluster(scheduler, console)
     except (ImportError, OSError) as error:
@@ -138,14 +107,13 @@ def _show(failure: Failure, console: Console) -> None:
         console.print(f"    {fault.text()}", highlight=False, soft_wrap=True)
 
 
-def _page(flown: dict[str, Verdict]) -> Table:
-    page = Table(title="how each fault ends; again with --table --only NAME")
-    for heading in ("fault", "ends", "reported after, s", "drift, m", "first report"):
+def _page(run: str, verdict: Verdict) -> Table:
+    page = Table(title="how it ends")
+    for heading in ("run", "ends", "reported after, s", "drift, m", "first report"):
         numeric = heading.endswith((" s", " m"))
-        page.add_column(heading, justify="right" if numeric else "left", no_wrap=numeric or heading == "fault")
-    for name, verdict in flown.items():
-        ends = "contained" if verdict.contained else "; ".join(violation.text for violation in verdict.violations[:2])
-        detection_s = "-" if verdict.detection_s is None else f"{verdict.detection_s:.2f}"
-        drift = "-" if verdict.onset_s is None else f"{verdict.drift_m:.2f}"
-        page.add_row(name, ends, detection_s, drift, verdict.cause, style=None if verdict.contained else "red")
+        page.add_column(heading, justify="right" if numeric else "left", no_wrap=numeric or heading == "run")
+    ends = "contained" if verdict.contained else "; ".join(violation.text for violation in verdict.violations[:2])
+    detection_s = "-" if verdict.detection_s is None else f"{verdict.detection_s:.2f}"
+    drift = "-" if verdict.onset_s is None else f"{verdict.drift_m:.2f}"
+    page.add_row(run, ends, detection_s, drift, verdict.cause, style=None if verdict.contained else "red")
     return page

@@ -5,7 +5,7 @@ And the gust on five vehicles that the controller does not know (sim.studies.mis
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -88,37 +88,6 @@ class Comparison:
             indent=2,
             allow_nan=False,
         )
-
-
-def from_json(text: str) -> Comparison:
-    """The comparison that `to_json` wrote, without traces; ValueError where it is none."""
-    try:
-        values = json.loads(text)
-        return Comparison(
-            {name: Figures(**figures) for name, figures in values["controllers"].items()},
-            {name: Mismatched(**figures) for name, figures in values["mismatches"].items()},
-            values["vehicle"],
-            float(values["gust_peak_m_s2"]),
-            tuple(values["seeds"]),
-            Host(values["host"]),
-            {},
-        )
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise ValueError(f"no comparison of `gcs-sim paper`: {error}") from error
-
-
-def merged(old: Comparison, new: Comparison) -> Comparison:
-    """The old comparison with the rows of the new one in their places; ValueError if they were not flown alike."""
-    for what in ("vehicle", "gust_peak_m_s2", "seeds", "host"):
-        was, now = getattr(old, what), getattr(new, what)
-        if was != now:
-            raise ValueError(f"{what} was {was} and is {now} now: fly every controller again")
-    rows = {**old.controllers, **new.controllers}
-    return replace(
-        new,
-        controllers={name: rows[name] for name in CONTROLLERS if name in rows},
-        mismatches=new.mismatches or old.mismatches,
-    )
 
 
 def jobs(

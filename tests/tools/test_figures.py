@@ -1,10 +1,11 @@
 """The tables of the study that ships."""
 
+import json
+
 import pytest
 
 from bench import calibrate_fan
 from formation.vehicle.profile import profile
-from sim.studies import paper
 from sim.studies.experiments import CONTROLLERS, gust_peak_m_s2
 from sim.studies.mismatch import MISMATCHES
 from tools.figures import paper_tables
@@ -16,9 +17,17 @@ def test_what_was_flown_is_the_study_that_ships(vehicle: str) -> None:
 
     On single seeds it scatters by more than the 20 mm: it swings by itself.
     """
-    flown = paper.from_json(paper_tables.kept(vehicle).read_text(encoding="utf-8"))
+    flown = paper_tables.from_json(paper_tables.kept(vehicle).read_text(encoding="utf-8"))
     assert (flown.vehicle, flown.gust_peak_m_s2) == (vehicle, gust_peak_m_s2(profile(vehicle)))
     assert list(flown.controllers) == list(CONTROLLERS)
     assert list(flown.mismatches) == list(MISMATCHES)
     if len(flown.seeds) >= len(calibrate_fan.SEEDS):
         assert flown.controllers["istsmc"].gust_mean_dev_m == pytest.approx(0.30, abs=0.02)
+
+
+def test_what_is_kept_comes_back() -> None:
+    kept = paper_tables.kept("paper_40g").read_text(encoding="utf-8")
+    assert paper_tables.from_json(kept).to_json() + "\n" == kept
+    for broken in ("{}", "[]", "nothing", json.dumps({"controllers": {"cfc": {"speed": 1}}})):
+        with pytest.raises(ValueError, match=r"no comparison of `gcs-sim paper`"):
+            paper_tables.from_json(broken)

@@ -7,6 +7,8 @@ The figures go into docs/paper/VEHICLE.json. `make docs` makes the tables from t
 """
 
 import argparse
+import json
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -15,6 +17,7 @@ from formation.vehicle.profile import profile
 from sim.studies import paper
 from sim.studies.experiments import CONTROLLERS
 from sim.studies.host import Host
+from sim.studies.paper import Comparison, Figures, Mismatched
 from sim.studies.runner import Runner
 
 ROOT = Path(__file__).parents[2]
@@ -26,13 +29,44 @@ def kept(vehicle: str) -> Path:
     return ROOT / "docs" / "paper" / f"{vehicle}.json"
 
 
+def from_json(text: str) -> Comparison:
+    """The comparison that `to_json` wrote, without traces; ValueError where it is none."""
+    try:
+        values = json.loads(text)
+        return Comparison(
+            {name: Figures(**figures) for name, figures in values["controllers"].items()},
+            {name: Mismatched(**figures) for name, figures in values["mismatches"].items()},
+            values["vehicle"],
+            float(values["gust_peak_m_s2"]),
+            tuple(values["seeds"]),
+            Host(values["host"]),
+            {},
+        )
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise ValueError(f"no comparison of `gcs-sim paper`: {error}") from error
+
+
+def merged(old: Comparison, new: Comparison) -> Comparison:
+    """The old comparison with the rows of the new one in their places; ValueError if they were not flown alike."""
+    for what in ("vehicle", "gust_peak_m_s2", "seeds", "host"):
+        was, now = getattr(old, what), getattr(new, what)
+        if was != now:
+            raise ValueError(f"{what} was {was} and is {now} now: fly every controller again")
+    rows = {**old.controllers, **new.controllers}
+    return replace(
+        new,
+        controllers={name: rows[name] for name in CONTROLLERS if name in rows},
+        mismatches=new.mismatches or old.mismatches,
+    )
+
+
 def fly(vehicle: str, seeds: int, only: tuple[str, ...], workers: int | None) -> None:
     """Fly the rows, and put them in the place of those that were flown before."""
     console = Console()
     flights = paper.jobs(range(1, seeds + 1), profile(vehicle), only, Host.LOCKSTEP)
     flown = paper.compare(flights, Runner(console, workers))
     if only != tuple(CONTROLLERS) and kept(vehicle).exists():
-        flown = paper.merged(paper.from_json(kept(vehicle).read_text(encoding="utf-8")), flown)
+        flown = merged(from_json(kept(vehicle).read_text(encoding="utf-8")), flown)
     kept(vehicle).parent.mkdir(exist_ok=True)
     kept(vehicle).write_text(flown.to_json() + "\n", encoding="utf-8")
 

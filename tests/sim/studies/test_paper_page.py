@@ -1,12 +1,10 @@
-"""The comparison on paper: its tables, what is kept of it, and a row flown again."""
+"""The comparison on paper: its tables."""
 
 import io
-import json
 
-import pytest
 from rich.console import Console
 
-from sim.studies import paper, paper_page
+from sim.studies import paper_page
 from sim.studies.experiments import CONTROLLERS
 from sim.studies.host import Host
 from sim.studies.mismatch import MISMATCHES
@@ -33,10 +31,3 @@ def test_a_terminal_of_eighty_characters_shows_every_number() -> None:
     assert "…" not in shown
     assert shown.count("55.0") == len(CONTROLLERS) + 1  # and as believed, beside the mismatches
     assert all(name in " ".join(shown.split()) for name in MISMATCHES)
-
-
-def test_what_is_kept_comes_back() -> None:
-    assert paper.from_json(WHOLE.to_json()) == WHOLE
-    for broken in ("{}", "[]", "nothing", json.dumps({"controllers": {"cfc": {"speed": 1}}})):
-        with pytest.raises(ValueError, match=r"no comparison of `gcs-sim paper`"):
-            paper.from_json(broken)

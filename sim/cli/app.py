@@ -28,7 +28,6 @@ app = program(
     "Exit codes: 0 flown; 1 aborted, or less than required; 2 something given is not right; "
     "3 starved, the machine was too slow for the simulators; 130 interrupted.",
 )
-MOST_BODIES = 250
 Protocol = Literal["vrpn", "chingmu", "natnet", "qtm", "vicon", "ros2"]
 
 
@@ -208,8 +207,10 @@ class BoxOptions:
     """The options of an emulated camera system."""
 
     protocol: Annotated[Protocol | None, typer.Option(help="The vendor's protocol; of --lab if not given.")] = None
-    lab: Annotated[Path | None, typer.Option(help="A lab file: its bodies, names, axes, unit and ports.")] = None
-    bodies: Annotated[int, typer.Option(min=1, max=MOST_BODIES, help="How many, without --lab.")] = 3
+    lab: Annotated[
+        Path | None,
+        typer.Option(help="A lab file: its bodies, names, axes, unit and ports; if not given, three bodies."),
+    ] = None
     still: Annotated[bool, typer.Option("--still", help="Nothing moves.")] = False
     csv: Annotated[
         Path | None,

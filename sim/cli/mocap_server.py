@@ -19,6 +19,8 @@ from wire.clock import Clock
 from wire.config_file import load
 from wire.errors import ConfigError
 
+BODIES = ("body1", "body2", "body3")
+"""Without a lab file."""
 AWAY_NS = 1_000_000_000
 """How long a restarted server is away."""
 
@@ -69,15 +71,15 @@ def box(options: BoxOptions) -> Box:
     t0_ns = clock.monotonic_ns()
     try:
         leader = None if options.csv is None else Playback(read_recording(options.csv))
-        names = tuple(f"body{i + 1}" for i in range(options.bodies))
-        lab = lab_of(names, MocapConfig()) if options.lab is None else load(options.lab, LabConfig)
+        lab = lab_of(BODIES, MocapConfig()) if options.lab is None else load(options.lab, LabConfig)
         mocap = _mocap(lab.mocap, options)
         emulator = EmulatorConfig.model_validate({"rate_hz": mocap.rate_hz} | _settings(options.cameras))
     except (ConfigError, MocapFileError, ValidationError) as error:
         raise BoxError(_first_line(error)) from error
     lab = lab.model_copy(update={"mocap": mocap})
-    count = options.bodies if options.lab is None else len(lab.vehicles)
-    return Box(CirclingScene(lab, count, emulator, options.still, leader, options.seed, t0_ns), mocap, clock)
+    return Box(
+        CirclingScene(lab, len(lab.vehicles), emulator, options.still, leader, options.seed, t0_ns), mocap, clock
+    )
 
 
 def _mocap(mocap: MocapConfig, options: BoxOptions) -> MocapConfig:

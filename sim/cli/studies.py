@@ -88,7 +88,6 @@ def tune_vehicle(
     ] = None,
     rate_hz: Annotated[float, typer.Option("--rate", help="Mocap frames a second.")] = 100.0,
     delay_s: Annotated[float, typer.Option("--delay", help="Mocap delay, s.")] = 0.008,
-    noise_m: Annotated[float, typer.Option("--noise", help="Mocap noise, m.")] = 0.0001,
     full: Full = False,
     out: Annotated[
         Path | None,
@@ -106,7 +105,7 @@ def tune_vehicle(
 
     console = Console(stderr=as_json, markup=False)
     profile = vehicle_profile(vehicle)
-    task = Task(profile, rate_hz, delay_s, noise_m, host_of(full))
+    task = Task(profile, rate_hz, delay_s, host_of(full))
     if law is not None:
         _search_law(task, law, out, overwrite, console, as_json)
         return

@@ -49,12 +49,11 @@ FACTORS = ("horizontal", "observer", "vertical", "compensation")
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What is tuned for: a vehicle, and the cameras' rate, delay and noise; host: what flies it."""
+    """What is tuned for: a vehicle, and the cameras' rate and delay; host: what flies it."""
 
     profile: VehicleProfile
     rate_hz: float
     delay_s: float
-    noise_m: float
     host: Host = Host.STUDY
 
     @property
@@ -185,9 +184,7 @@ def scenario_of(flight: Flight) -> Scenario:
     if flight.law is not None:
         scenario = practice(scenario, flight.experiment)
     lab = flown_by(scenario.lab, believed, PRESET).model_copy(update={"mocap": task.mocap})
-    mocap = scenario.mocap.model_copy(
-        update={"rate_hz": task.rate_hz, "delay_s": task.delay_s, "noise_m": task.noise_m}
-    )
+    mocap = scenario.mocap.model_copy(update={"rate_hz": task.rate_hz, "delay_s": task.delay_s})
     update: dict[str, object] = {"lab": lab, "mocap": mocap}
     if flight.experiment is not Experiment.PUSH:
         update["formation_s"] = FORMATION_S

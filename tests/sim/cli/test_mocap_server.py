@@ -28,9 +28,9 @@ def lab_file(folder: Path, source: str) -> Path:
     return path
 
 
-def test_bodies_and_address_come_from_the_command_line() -> None:
-    served = box(BoxOptions(protocol="qtm", bodies=4, port=30_001))
-    assert served.scene.bodies == ("body1", "body2", "body3", "body4")
+def test_the_address_comes_from_the_command_line() -> None:
+    served = box(BoxOptions(protocol="qtm", port=30_001))
+    assert served.scene.bodies == ("body1", "body2", "body3")
     assert served.mocap.source == "qualisys"
     assert served.mocap.qualisys is not None
     assert (served.mocap.qualisys.host, served.mocap.qualisys.port) == ("127.0.0.1", 30_001)

@@ -26,7 +26,7 @@ class Law:
         return [0.0, 0.0, 0.0]
 """
 WANTED = (("k", 3.0), ("d", 5.0))
-TASK = Task(PAPER_40G, rate_hz=100.0, delay_s=0.008, noise_m=0.0001)
+TASK = Task(PAPER_40G, rate_hz=100.0, delay_s=0.008)
 
 
 def test_the_search_finds_the_gains_that_cost_least(monkeypatch: pytest.MonkeyPatch) -> None:

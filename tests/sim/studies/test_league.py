@@ -52,7 +52,7 @@ def test_a_law_that_fails_has_no_figures_in_a_league_and_none_when_it_is_tuned(t
     failed, built_in = json.loads((tmp_path / "league.json").read_text())["rows"]
     assert (failed["outcome"], built_in["outcome"]) == ("law failed", "held")
     assert [failed[key] for key in ("rms_m", "max_m", "settle_s", "chatter_deg")] == [None] * 4
-    task = tune.Task(PROFILES["paper_40g"], 100.0, 0.008, 1e-4, host.Host.STUDY)
+    task = tune.Task(PROFILES["paper_40g"], 100.0, 0.008, host.Host.STUDY)
     assert tune.fly(tune.Flight(task, None, Experiment.CIRCLE, False, chosen(str(law)))) == np.inf
 
 

@@ -1,4 +1,4 @@
-"""`gcs-log report | list | check | audit | picture | compare | layout | export | identify | paper`: what a log says.
+"""`gcs-log report | list | check | audit | picture | compare | layout | export | identify`: what a log says.
 
 Exit codes: 0 well; 1 the flight neither landed nor ended in the air as asked (`report`), or the log is damaged
 (`check`); 2 no log, or an argument that cannot be used.
@@ -45,7 +45,7 @@ def report(log: LogPath, out: Out = None, overwrite: Overwrite = False, as_json:
     from analysis.metrics import summarise
     from analysis.report import write
 
-    with _refusing():
+    with refusing():
         flight, checked = load_checked(log)
         with new_file(out or log.with_name("report.html"), overwrite) as path:
             summary = summarise(flight, mcap=log, report=path)
@@ -132,7 +132,7 @@ def check(log: LogPath, as_json: Json = False) -> None:
 
     from analysis import check as checking
 
-    with _refusing():
+    with refusing():
         found = checking.check(log)
     if as_json:
         typer.echo(found.to_json())
@@ -149,7 +149,7 @@ def audit(log: LogPath, as_json: Json = False) -> None:
 
     from analysis.check import audit as audit_log
 
-    with _refusing():
+    with refusing():
         rows = audit_log(log)
     if as_json:
         typer.echo(json.dumps([asdict(row) for row in rows]))
@@ -164,7 +164,7 @@ def picture(log: LogPath, out: PngOut = None, overwrite: Overwrite = False, as_j
     """Draw a flight on one sheet, as a PNG."""
     from analysis.picture import picture as draw_picture
 
-    with _refusing(), new_file(out or log.with_suffix(".png"), overwrite) as path:
+    with refusing(), new_file(out or log.with_suffix(".png"), overwrite) as path:
         draw_picture(log, path)
     typer.echo(json.dumps({"file": str(path)}) if as_json else path)
 
@@ -185,7 +185,7 @@ def compare(
 
     from analysis import compare as comparing
 
-    with _refusing():
+    with refusing():
         a, b = comparing.sides(first, second)
         if as_json:
             typer.echo(comparing.to_json(a, b))
@@ -211,7 +211,7 @@ def layout(
     """Write a layout of a formation flight for Foxglove (.json), or a blueprint for Rerun (.rbl)."""
     from analysis import layout as layouts
 
-    with _refusing(), new_file(out, overwrite) as path:
+    with refusing(), new_file(out, overwrite) as path:
         layouts.write(path, source)
     typer.echo(json.dumps({"file": str(path)}) if as_json else path)
 
@@ -242,7 +242,7 @@ def export(
     if len(chosen) != 1:
         raise typer.BadParameter("say which: --csv, --parquet or --rosbag2")
     kind, write = chosen[0]
-    with _refusing():
+    with refusing():
         read_log(log)  # no folder is made for what is no log
         folder = new_folder(out or log.with_name(f"{log.stem}-{kind}"), overwrite)
         with progress_line("gcs-log") as show:
@@ -266,7 +266,7 @@ def identify(
     from analysis.identify import vehicle as identification
     from analysis.load import load
 
-    with _refusing():
+    with refusing():
         if write is not None:
             demand_absent(write, overwrite)
         found = identification.identify(load(log))
@@ -276,23 +276,6 @@ def identify(
         typer.echo(identified.to_json(found))
     else:
         identified.print_identification(found, Console())
-
-
-@app.command()
-def paper(
-    flights: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders with flight.mcap, or logs.")],
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to; made if need be.")] = Path("figures"),
-    width: Annotated[float, typer.Option(min=30.0, metavar="MM", help="Of each figure; a column is 88.9.")] = 88.9,
-    overwrite: Overwrite = False,
-    as_json: Json = False,
-) -> None:
-    """Write a paper's figures (PDF, SVG), table, numbers, methods and citation, and the hashes of the logs."""
-    from analysis import publish
-
-    with _refusing():
-        shown = [publish.shown(source) for source in flights]
-        written = [str(path) for path in publish.write(shown, new_folder(out, overwrite), width)]
-    typer.echo(json.dumps({"files": written}) if as_json else "\n".join(written))
 
 
 def _write_profile(found: "Identification", path: Path, sysid: int | None, overwrite: bool) -> None:
@@ -320,7 +303,7 @@ def _print_how_to_open(path: Path) -> None:
 
 
 @contextmanager
-def _refusing() -> Iterator[None]:
+def refusing() -> Iterator[None]:
     """Turn what cannot be read or written into one line and exit code 2."""
     from wire.logs.mcap_scan import LogError
 

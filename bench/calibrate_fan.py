@@ -9,8 +9,8 @@ from rich.console import Console
 from bench.command import FAILED, Json, Vehicle
 from formation.vehicle.profile import VehicleProfile
 from sim.cli.studies import vehicle_profile
-from sim.studies.experiments import Experiment, Job, fly
-from sim.studies.runner import Runner
+from sim.research.experiments import Experiment, Job, fly
+from sim.runner import Runner
 
 TARGET_M, TOLERANCE_M = 0.30, 0.005
 SEEDS = tuple(range(101, 107))

@@ -29,9 +29,9 @@ from mocap.core import MocapCore
 from mocap.sources.csv_file import read_recording
 from sim.faults.poses import NOISE_RAD_PER_M
 from sim.lockstep import run_in_memory
+from sim.runner import Runner
 from sim.scenario import load, with_leader_file
 from sim.shipped import shipped
-from sim.studies.runner import Runner
 
 AGGRESSIVE = "aggressive"
 PERIOD_NS = 10_000_000

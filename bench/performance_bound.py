@@ -31,8 +31,8 @@ from formation.maths.arrays import Float
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
 from sim.cli.studies import vehicle_profile
+from sim.research.experiments import Experiment, Job, scenario_of
 from sim.scenario import Scenario
-from sim.studies.experiments import Experiment, Job, scenario_of
 
 STEP_S = 0.002
 BEFORE_S, AFTER_S = 0.3, 0.7

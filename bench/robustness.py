@@ -29,11 +29,11 @@ from sim.cameras.emulator import EmulatorConfig, Gap
 from sim.cli.conclude import conclude
 from sim.cli.studies import Full, host_of, without_nan
 from sim.faults.poses import NOISE_RAD_PER_M
+from sim.research import host, push
+from sim.research.experiments import FORMATION_S, SCENARIOS, Experiment
+from sim.research.host import Host
+from sim.runner import Runner
 from sim.scenario import LinkModel, Scenario, TrueVehicle, flown_by, load
-from sim.studies import host, push
-from sim.studies.experiments import FORMATION_S, SCENARIOS, Experiment
-from sim.studies.host import Host
-from sim.studies.runner import Runner
 from wire.files import new_folder
 
 MASS = INERTIA = 0.3

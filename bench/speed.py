@@ -58,7 +58,7 @@ print(f"{{({end_s} - {begin_s}) / cpu_s:.1f}} times real time, {{calls.count:,}}
 """
 _STUDIED = """
 from bench.speed import flight
-from sim.studies.host import fly
+from sim.research.host import fly
 fly(flight(210.0), seed=1)
 """
 _COMPILED = """

@@ -14,12 +14,12 @@ from rich.console import Console
 from bench.command import FAILED, Only, Seeds, Vehicle
 from formation.vehicle.profile import PAPER_40G, VehicleProfile
 from sim.cli.studies import vehicle_profile, without_nan
+from sim.research import experiments, host
+from sim.research.experiments import Experiment, Job
+from sim.research.host import Host
+from sim.research.push import Settling, settling
+from sim.runner import Runner
 from sim.scenario import Scenario, TrueVehicle
-from sim.studies import experiments, host
-from sim.studies.experiments import Experiment, Job
-from sim.studies.host import Host
-from sim.studies.push import Settling, settling
-from sim.studies.runner import Runner
 
 SHARES = (0.3, 0.6, 0.9)
 """Of the push that the tilt limit holds against."""

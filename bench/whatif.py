@@ -31,12 +31,12 @@ from formation.maths.arrays import Float
 from formation.topics import Topic
 from formation.vehicle.profile import VehicleProfile, VehicleState, profile
 from sim import lockstep
+from sim.research import neural_fly
+from sim.research.laws import chosen
+from sim.research.neural_fly import Recording
+from sim.research.reflight import Change
+from sim.research.whatif import what_if
 from sim.scenario import Scenario, flown_by, load, with_leader_file
-from sim.studies import neural_fly
-from sim.studies.laws import chosen
-from sim.studies.neural_fly import Recording
-from sim.studies.reflight import Change
-from sim.studies.whatif import what_if
 from sim.world import T0_NS
 from wire.logs.mcap_read import Entry
 

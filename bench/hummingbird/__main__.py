@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from bench.command import FAILED, Seeds
-from sim.studies.runner import Runner
+from sim.runner import Runner
 from wire.files import make_folder
 
 

@@ -1,6 +1,6 @@
 """The paper's line, circle and gust, flown by the whole stack on rotorpy's physics.
 
-Cameras, links and delays are the scenarios' (sim.studies.experiments), every monitor is on. The fan is a wind of 5 m/s
+Cameras, links and delays are the scenarios' (sim.research.experiments), every monitor is on. The fan is a wind of 5 m/s
 in its core, of which rotorpy's aerodynamics make the push.
 """
 
@@ -13,8 +13,8 @@ import numpy as np
 from analysis.load import load
 from bench.hummingbird.vehicle import HUMMINGBIRD, push_m_s2, rotorpy_physics
 from sim import lockstep
+from sim.research.experiments import Experiment, Job, Score, measure, scenario_of
 from sim.scenario import Scenario
-from sim.studies.experiments import Experiment, Job, Score, measure, scenario_of
 
 WIND_M_S = 5.0
 CONTROLLER = "cfc"
@@ -44,7 +44,7 @@ class Assumed:
 
 @dataclass(frozen=True, slots=True)
 class Benchmark:
-    """Medians over the seeds, as sim.studies.experiments measures them; None where a flight has no number."""
+    """Medians over the seeds, as sim.research.experiments measures them; None where a flight has no number."""
 
     vehicle: str
     seeds: int

@@ -1,6 +1,6 @@
 """A learned policy: the network of an ONNX file (onnx.ai), as most training frameworks export it, flies as a law.
 
-It needs `pip install 'mavlink-formation[policy]'`. Every vector is in the leader's frame (forward, left, up), which is
+It needs `pip install 'mavlink-formation[research]'`. Every vector is in the leader's frame (forward, left, up): that is
 `lab` turned about z by the leader's heading. One input, float32 (1, 12):
 
     0..2   what the drone is off its slot, m        3..5    how that changes, m/s
@@ -23,7 +23,7 @@ from formation.own_law.law import Situation
 try:
     import onnxruntime
 except ImportError as error:
-    raise ImportError("onnxruntime is not installed: pip install 'mavlink-formation[policy]'") from error
+    raise ImportError("onnxruntime is not installed: pip install 'mavlink-formation[research]'") from error
 
 BESIDE = Path(__file__).with_name("policy.onnx")
 

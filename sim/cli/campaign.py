@@ -12,13 +12,13 @@ from rich.table import Table
 
 from formation.vehicle.profile import PROFILES
 from sim import lockstep
-from sim.campaign import campaign, controls
-from sim.campaign.campaign import Cluster, Failure, Workers
-from sim.campaign.draw import FAMILIES_DRAWN, Draw, run_of
-from sim.campaign.flight import fly
-from sim.campaign.oracle import Verdict
 from sim.cli.flights import compile_everything, fail
-from sim.studies.runner import Runner
+from sim.proof import campaign, controls
+from sim.proof.campaign import Cluster, Failure, Workers
+from sim.proof.draw import FAMILIES_DRAWN, Draw, run_of
+from sim.proof.flight import fly
+from sim.proof.oracle import Verdict
+from sim.runner import Runner
 from sim.world import T0_NS
 from wire.logs.mcap_write import LogWriter
 from wire.process.system import NOT_RIGHT, REJECTED
@@ -27,8 +27,8 @@ from wire.process.system import NOT_RIGHT, REJECTED
 def run_campaign(draw: Draw, runs: range, flights: int, scheduler: str | None, as_json: bool) -> None:
     """Runs with random faults, and so many flights of each positive control."""
     console = Console(stderr=as_json, markup=False)
-    compile_everything()
     crew = _workers(scheduler, console)
+    compile_everything()
     result = campaign.fly(draw, runs, crew)
     jobs = controls.jobs(draw.seed, flights)
     shares = controls.shares(jobs, crew.run("positive controls", controls.fly_control, jobs)) if jobs else {}
@@ -96,7 +96,10 @@ def _workers(scheduler: str | None, console: Console) -> Workers:
         return Runner(console)
     try:
         return Cluster(scheduler, console)
-    except (ImportError, OSError) as error:
+    except ModuleNotFoundError as error:
+        text = f"needs {error.name}, which is not installed: pip install 'mavlink-formation[research]'"
+        fail(f"--scheduler {scheduler}: {text}", NOT_RIGHT)
+    except OSError as error:
         fail(f"--scheduler {scheduler}: {error}", NOT_RIGHT)
 
 

@@ -1,4 +1,5 @@
-"""`gcs-log`: what analysis says of a log (`report`, `check`, `picture`), and what needs the cores: `replay`, `whatif`.
+"""`gcs-log`: what analysis says of a log (`report`, `check`, `picture`); `replay` and `whatif`, which need the cores;
+`paper`.
 
 Exit codes of `replay`: 0 bit-identical; 1 not; 2 no log, or one that cannot be replayed. Of `whatif`: 1 where the
 recorded flight does not come back under its own law.
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from analysis.cli import Json, LogPath
+from analysis.cli import Json, LogPath, refusing
 from analysis.cli import app as analysis_app
 from wire.errors import error_text
 from wire.process.program import Overwrite, print_json_error, program, progress_line
@@ -94,10 +95,10 @@ def whatif(
 
     from analysis.load import load
     from formation.codes import FlightResult
-    from sim.studies import whatif_page
-    from sim.studies.laws import chosen, flown_by
-    from sim.studies.reflight import Change
-    from sim.studies.whatif import what_if
+    from sim.research import whatif_page
+    from sim.research.laws import chosen, flown_by
+    from sim.research.reflight import Change
+    from sim.research.whatif import what_if
     from wire.errors import ConfigError
     from wire.files import new_file
     from wire.logs.mcap_scan import LogError
@@ -128,6 +129,24 @@ def whatif(
         typer.echo(path)
     if not result.comes_back or result.result is FlightResult.LAW_FAILED:
         raise typer.Exit(DIFFERENT)
+
+
+@app.command()
+def paper(
+    flights: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders with flight.mcap, or logs.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to; made if need be.")] = Path("figures"),
+    width: Annotated[float, typer.Option(min=30.0, metavar="MM", help="Of each figure; a column is 88.9.")] = 88.9,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
+) -> None:
+    """Write a paper's figures (PDF, SVG), table, numbers, methods and citation, and the hashes of the logs."""
+    from sim.research import publish
+    from wire.files import new_folder
+
+    with refusing():
+        shown = [publish.shown(source) for source in flights]
+        written = [str(path) for path in publish.write(shown, new_folder(out, overwrite), width)]
+    typer.echo(json.dumps({"files": written}) if as_json else "\n".join(written))
 
 
 def main() -> None:

@@ -19,11 +19,11 @@ from wire.process.system import NOT_RIGHT
 if TYPE_CHECKING:
     from formation.control.presets import Preset
     from formation.vehicle.profile import VehicleProfile
-    from sim.studies.gain_search import Tried
-    from sim.studies.host import Host
-    from sim.studies.league import Result, Row
-    from sim.studies.runner import Runner
-    from sim.studies.tune import Candidate, Task
+    from sim.research.gain_search import Tried
+    from sim.research.host import Host
+    from sim.research.league import Result, Row
+    from sim.research.tune import Candidate, Task
+    from sim.runner import Runner
 
 FAILED = 1
 PAPER_SEEDS = 10
@@ -56,9 +56,9 @@ def compare(
 
     Writes paper.json and .html, and the paper's figures (PDF, SVG) and tables (LaTeX) into the folder figures.
     """
-    from sim.studies import paper, paper_page
-    from sim.studies.experiments import CONTROLLERS
-    from sim.studies.runner import Runner
+    from sim.research import paper, paper_page
+    from sim.research.experiments import CONTROLLERS
+    from sim.runner import Runner
     from wire.files import new_folder
 
     console = Console(stderr=as_json, markup=False)
@@ -98,8 +98,8 @@ def tune_vehicle(
 ) -> None:
     """Find the gain scales of a vehicle's loops: gains, observer bandwidth and compensation, judged in flight."""
     from formation.control.presets import preset_for
-    from sim.studies.runner import Runner
-    from sim.studies.tune import Task, tune
+    from sim.research.tune import Task, tune
+    from sim.runner import Runner
     from wire.config_file import dump, dump_profile
     from wire.files import write_edited
 
@@ -144,9 +144,9 @@ def _search_law(task: "Task", name: str, out: Path | None, overwrite: bool, cons
 
     from formation.control.presets import Preset
     from sim.cli.flights import fail
-    from sim.studies import gain_search
-    from sim.studies.laws import chosen
-    from sim.studies.runner import Runner
+    from sim.research import gain_search
+    from sim.research.laws import chosen
+    from sim.runner import Runner
     from wire.files import read_toml
 
     def show(found: "Tried") -> None:
@@ -206,10 +206,10 @@ def play_league(
     with --check, not the same."""
     from formation.codes import FlightResult
     from sim.cli.flights import fail
-    from sim.studies import league, league_page
-    from sim.studies.laws import chosen
-    from sim.studies.neural_fly import flown_rms_m
-    from sim.studies.runner import Runner
+    from sim.research import league, league_page
+    from sim.research.laws import chosen
+    from sim.research.neural_fly import flown_rms_m
+    from sim.runner import Runner
     from wire.files import read_toml
 
     console = Console(stderr=as_json, markup=False)
@@ -240,7 +240,7 @@ def play_league(
 
 def _check_league(known: "list[tuple[Row, Result]]", runner: "Runner", console: Console, as_json: bool) -> None:
     """Fly the rows again; ends the program with exit code 1 where one is not the same to the bit."""
-    from sim.studies import league
+    from sim.research import league
 
     again = runner.run("flights", league.fly, [row for row, _ in known])
     unlike = {
@@ -292,7 +292,7 @@ def without_nan(value: object) -> object:
 
 def host_of(full: bool) -> "Host":
     """What flies a study."""
-    from sim.studies.host import Host
+    from sim.research.host import Host
 
     return Host.LOCKSTEP if full else Host.STUDY
 

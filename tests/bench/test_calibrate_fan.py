@@ -8,11 +8,11 @@ from rich.console import Console
 
 from bench import calibrate_fan
 from formation.vehicle.profile import PAPER_40G
-from sim.studies import paper
-from sim.studies.experiments import Experiment, Job, Score
-from sim.studies.gust import GustNumbers
-from sim.studies.push import Settling
-from sim.studies.runner import Runner
+from sim.research import paper
+from sim.research.experiments import Experiment, Job, Score
+from sim.research.gust import GustNumbers
+from sim.research.push import Settling
+from sim.runner import Runner
 
 
 def printed_in(deviation_m: Callable[[float], float]) -> Callable[[Job], Score]:

@@ -11,7 +11,7 @@ from drone_agent.guard.position import LoopSetpoint
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Phase
 from formation.vehicle.profile import VehicleState, at_rest
-from sim.studies.experiments import Experiment
+from sim.research.experiments import Experiment
 from sim.world import T0_NS, World
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

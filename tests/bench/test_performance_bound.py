@@ -13,8 +13,8 @@ from bench.performance_bound import (
     turning,
 )
 from formation.vehicle.profile import PROFILES, profile
+from sim.research.experiments import Experiment, Job, scenario_of
 from sim.scenario import load
-from sim.studies.experiments import Experiment, Job, scenario_of
 from wire.config_file import dump
 
 

@@ -2,8 +2,8 @@ import pytest
 
 from bench import robustness
 from bench.robustness import Draw
-from sim.studies import host, push
-from sim.studies.host import Host
+from sim.research import host, push
+from sim.research.host import Host
 
 
 @pytest.mark.parametrize("seed", [68, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in (62, 95))])

@@ -4,7 +4,7 @@ from bench import steady_push
 from bench.steady_push import Push, scenario_of
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import PAPER_40G
-from sim.studies.host import Host
+from sim.research.host import Host
 
 
 def test_the_push_is_a_share_of_what_the_tilt_limit_holds_against() -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from sim.processes import ProcessGroup
-from sim.studies.runner import run_all
+from sim.runner import run_all
 from tests.sim.short_scenario import SHORT
 from wire.process.system import NO_GROUND
 

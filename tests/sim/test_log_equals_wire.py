@@ -7,10 +7,10 @@ from analysis.load import from_records
 from drone_agent.simulation.inertial import InertialError
 from formation import topics
 from formation.messages import AttitudeTarget
-from sim.campaign.flight import fly
-from sim.campaign.labs import scenario
 from sim.faults.fault import Family, Fault
 from sim.lockstep import metadata
+from sim.proof.flight import fly
+from sim.proof.labs import scenario
 from sim.world import T0_NS
 from tests.wire.messages import decode_packet
 from wire.link_messages import Address, AttitudeSetpoint, MessageId

@@ -3,8 +3,8 @@
 from math import dist
 
 from formation.messages import Phase, Verb
-from sim.campaign.labs import scenario
 from sim.faults.fault import Family, Fault
+from sim.proof.labs import scenario
 from sim.world import World
 
 KILLED_S = 2.45

@@ -6,8 +6,8 @@ import pytest
 
 from bench import calibrate_fan
 from formation.vehicle.profile import profile
-from sim.studies.experiments import CONTROLLERS, gust_peak_m_s2
-from sim.studies.mismatch import MISMATCHES
+from sim.research.experiments import CONTROLLERS, gust_peak_m_s2
+from sim.research.mismatch import MISMATCHES
 from tools.figures import paper_tables
 
 

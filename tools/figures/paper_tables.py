@@ -14,11 +14,11 @@ from pathlib import Path
 from rich.console import Console
 
 from formation.vehicle.profile import profile
-from sim.studies import paper
-from sim.studies.experiments import CONTROLLERS
-from sim.studies.host import Host
-from sim.studies.paper import Comparison, Figures, Mismatched
-from sim.studies.runner import Runner
+from sim.research import paper
+from sim.research.experiments import CONTROLLERS
+from sim.research.host import Host
+from sim.research.paper import Comparison, Figures, Mismatched
+from sim.runner import Runner
 
 ROOT = Path(__file__).parents[2]
 VEHICLES = ("paper_40g", "paper_40g_printed")

@@ -570,7 +570,7 @@ def autopilot(name: str) -> str:
 
 def results(vehicle: str) -> str:
     """The tables of the paper's experiments, from the figures that were flown."""
-    from sim.studies import paper_page
+    from sim.research import paper_page
     from tools.figures import paper_tables
 
     flown = paper_tables.from_json(paper_tables.kept(vehicle).read_text(encoding="utf-8"))

@@ -20,6 +20,10 @@ def invoke(*arguments: str) -> tuple[int, str]:
         (("paper", "--vehicle", "brick"), "unknown vehicle profile 'brick'; known: paper_40g, paper_40g_printed"),
         (("paper", "--only", "pdi"), "unknown controller 'pdi'; known: smc, istsmc"),
         (("tune", "paper_40g", "--law", "pdi"), "no package here registers 'pdi' control presets: paper_smc"),
+        (
+            ("campaign", "--scheduler", "tcp/x:1"),
+            "--scheduler tcp/x:1: needs distributed pip install 'mavlink-formation[research]'",
+        ),
     ],
 )
 def test_what_is_unknown_is_refused_by_name(arguments: tuple[str, ...], said: str) -> None:

@@ -2,9 +2,9 @@ import pytest
 from pydantic import ValidationError
 
 from formation.messages import Phase
-from sim.campaign.labs import scenario
 from sim.faults.fault import Family, Fault, Site
 from sim.faults.onsets import Onsets
+from sim.proof.labs import scenario
 from sim.scenario import Scenario
 from wire import config_file
 from wire.transport.memory_bus import NOTHING_DUE_NS

@@ -9,9 +9,9 @@ from formation.config import LabConfig
 from formation.maths import frames
 from formation.messages import RawFrame
 from mocap.core import MocapCore
-from sim.campaign.labs import scenario
 from sim.faults.fault import Family, Fault
 from sim.faults.poses import CameraFaults, Thinning, late_ns
+from sim.proof.labs import scenario
 
 S = 1_000_000_000
 TURNED = (0.7, -0.1, 0.5, 0.5)

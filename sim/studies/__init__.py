@@ -1,1 +1,0 @@
-"""Many flights, and what they show: paper, tune, league; and one flight again: what if."""

@@ -67,6 +67,7 @@ from wire.link_messages import (
     SetOrigin,
     StatusText,
     TimeSync,
+    UnknownMessage,
     command_long,
 )
 from wire.mavlink.codec import Codec, read_message
@@ -238,6 +239,8 @@ class GuardCore:
         try:
             message = read_message(frame)
         except MavlinkError:
+            return False
+        if isinstance(message, UnknownMessage):  # an IMU's sample without what is read of it
             return False
         return handler(self, frame.source, message)
 

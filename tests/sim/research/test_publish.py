@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from analysis.cli import app
+from sim.cli.log import app
 from sim.research.publish import shown, table
 from tests.analysis.synthetic_flight import METADATA, Recipe, written
 

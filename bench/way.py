@@ -25,7 +25,10 @@ from wire.transport.stop_call import StopReader, StopRequest, encode_stop
 
 ROOT = f"{Path.cwd()}/"
 OURS = ("formation/", "wire/", "mocap/", "gcs/", "drone_agent/", "sim/")
-SIMULATED = ("drone_agent/simulation", "drone_agent/flight", "drone_agent/autopilots", "sim/")
+SIMULATED = (
+    "drone_agent/simulation", "drone_agent/flight", "drone_agent/autopilots", "drone_agent/link", "drone_agent/core.py",
+    "drone_agent/guarded.py", "sim/",
+)  # fmt: skip
 BEGIN_NS, SECOND_NS, FRAMES = T0_NS + 20_000_000_000, 1_000_000_000, 50
 KEY, DRAWN = b"lab", bytes(range(16))
 

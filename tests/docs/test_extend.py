@@ -16,7 +16,7 @@ NEW = {"RotorSpeed"}
 class RotorSpeed(NamedTuple):
     """As the page describes it."""
 
-    index: int
+    motor: int
     speed_rev_min: float
 
 
@@ -35,6 +35,6 @@ def test_every_name_is_in_the_code() -> None:
 
 def test_the_message_shown_is_the_one_of_mavlink() -> None:
     """RAW_RPM (339): index, frequency."""
-    assert 'row("RAW_RPM", m.RotorSpeed, index=AS_IS, speed_rev_min=AS_IS)' in EXAMPLES
-    made = row("RAW_RPM", RotorSpeed, index=AS_IS, speed_rev_min=AS_IS)
+    assert 'row("RAW_RPM", m.RotorSpeed, motor=AS_IS, speed_rev_min=AS_IS)' in EXAMPLES
+    made = row("RAW_RPM", RotorSpeed, motor=AS_IS, speed_rev_min=AS_IS)
     assert (made.layout.id, made.read((1, 2000.0))) == (339, RotorSpeed(1, 2000.0))

@@ -81,7 +81,35 @@ class Options:
     version: Version = False
 
 
-@app.command(cls=SingleProgram, epilog=EPILOG)
+_NOW_KEYS = {
+    "--autopilot": "autopilot",
+    "--host": "link.host",
+    "--param": "parameters",
+    "--personality": "autopilot",
+    "--pose": "pose",
+    "--profile": "profile",
+    "--stale-land": "stale_land_s",
+    "--stale-setpoint": "stale_setpoint_s",
+    "--start": "start_lab_m",
+    "--truth": "truth_rate_hz",
+    "--yaw": "start_yaw_rad",
+    "--zenoh-connect": "link.zenoh_connect",
+}
+"""Options of version 0.1, and the keys that say it now."""
+
+
+class _Program(SingleProgram):
+    """The command line; an option that has become a key is refused with the key."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse what version 0.1 took, then parse."""
+        for word in args:
+            if (option := word.partition("=")[0]) in _NOW_KEYS:
+                ctx.fail(f"{option} is now the key {_NOW_KEYS[option]} of the file that --config names")
+        return super().parse_args(ctx, args)
+
+
+@app.command(cls=_Program, epilog=EPILOG)
 @with_options(Options)
 def fly(options: Options) -> None:
     """Be a simulated drone that speaks MAVLink, or with --bridge stand beside a real one; until Ctrl-C."""
@@ -199,30 +227,5 @@ def _fail(text: str, code: int) -> None:
     raise typer.Exit(code)
 
 
-_NOW_KEYS = {
-    "--autopilot": "autopilot",
-    "--host": "link.host",
-    "--param": "parameters",
-    "--personality": "autopilot",
-    "--pose": "pose",
-    "--profile": "profile",
-    "--stale-land": "stale_land_s",
-    "--stale-setpoint": "stale_setpoint_s",
-    "--start": "start_lab_m",
-    "--truth": "truth_rate_hz",
-    "--yaw": "start_yaw_rad",
-    "--zenoh-connect": "link.zenoh_connect",
-}
-"""Options of version 0.1, and the keys that say it now."""
-
-
-def main() -> None:
-    """The console script."""
-    for word in sys.argv[1:]:
-        if (option := word.partition("=")[0]) in _NOW_KEYS:
-            sys.exit(f"drone-agent: {option} is now the key {_NOW_KEYS[option]} of the file that --config names")
-    app()
-
-
 if __name__ == "__main__":
-    main()
+    app()

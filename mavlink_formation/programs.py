@@ -37,7 +37,7 @@ def gcs() -> None:
 
 def drone_agent() -> None:
     """The console script."""
-    _run(lambda: import_module("drone_agent.__main__").main())
+    _run(lambda: import_module("drone_agent.__main__").app())
 
 
 def gcs_sim() -> None:

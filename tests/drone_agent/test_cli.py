@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from drone_agent.__main__ import Options, _config, app, main
+from drone_agent.__main__ import Options, _config, app
 from drone_agent.config import SimulatedDroneConfig
 from formation.vehicle.profile import profile
 from tests.free_ports import free_port
@@ -61,10 +61,12 @@ def test_what_is_not_right_or_cannot_be_had_is_named_in_one_line(
     assert len([line for line in result.output.splitlines() if "priority: " not in line]) == 1
 
 
-def test_an_option_of_before_names_its_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "argv", ["drone-agent", "--truth=250"])
-    with pytest.raises(SystemExit, match="--truth is now the key truth_rate_hz of the file"):
-        main()
+@pytest.mark.parametrize("as_json", [[], ["--json"]])
+def test_an_option_of_before_names_its_key(as_json: list[str]) -> None:
+    result = runner.invoke(app, ["--truth=250", *as_json], env={"COLUMNS": "200"})
+    assert result.exit_code == 2
+    assert "--truth is now the key truth_rate_hz of the file that --config names" in result.output
+    assert result.output.startswith('{"error": "--truth') is bool(as_json)
 
 
 @pytest.mark.parametrize(

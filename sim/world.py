@@ -99,10 +99,6 @@ class World:
         """Let these faults happen from now on instead of the scenario's; none of them may have begun yet."""
         self.faults = Onsets(faults, self.faults.entered)
 
-    def kill_ground(self) -> None:
-        """End the ground's process; mocap and agents continue."""
-        self._grounds[0].kill()
-
     def truths(self) -> dict[int, Truth]:
         """The true state of every drone now, by sysid."""
         return {sysid: node.autopilot.truth(self.now_ns) for sysid, node in self.nodes.items()}

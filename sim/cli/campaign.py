@@ -14,7 +14,7 @@ from formation.vehicle.profile import PROFILES
 from sim import lockstep
 from sim.cli.flights import compile_everything, fail
 from sim.proof import campaign, controls
-from sim.proof.campaign import Cluster, Failure, Workers
+from sim.proof.campaign import Cluster, Workers
 from sim.proof.draw import FAMILIES_DRAWN, Draw, run_of
 from sim.proof.flight import fly
 from sim.proof.oracle import Verdict
@@ -36,7 +36,9 @@ def run_campaign(draw: Draw, runs: range, flights: int, scheduler: str | None, a
         with_it = {name: share.with_it for name, share in shares.items()}
         print(result.to_json({name: share.without for name, share in shares.items()}, with_it))
     for failure in result.failures:
-        _show(failure, console)
+        console.print(f"{failure.again}    {failure.reason}", style="red", highlight=False, soft_wrap=True)
+        for fault in failure.faults:
+            console.print(f"    {fault.text()}", highlight=False, soft_wrap=True)
     per_core_s = 1.0 / max(result.core_s, 1e-9)
     if result.runs:
         console.print(
@@ -101,13 +103,6 @@ def _workers(scheduler: str | None, console: Console) -> Workers:
         fail(f"--scheduler {scheduler}: {text}", NOT_RIGHT)
     except OSError as error:
         fail(f"--scheduler {scheduler}: {error}", NOT_RIGHT)
-
-
-def _show(failure: Failure, console: Console) -> None:
-    """Print a failure, the least faults that cause it, and how to see it."""
-    console.print(f"{failure.again}    {failure.reason}", style="red", highlight=False, soft_wrap=True)
-    for fault in failure.faults:
-        console.print(f"    {fault.text()}", highlight=False, soft_wrap=True)
 
 
 def _page(run: str, verdict: Verdict) -> Table:

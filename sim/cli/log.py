@@ -10,7 +10,7 @@ import re
 from dataclasses import asdict
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -19,9 +19,6 @@ from analysis.cli import app as analysis_app
 from wire.errors import error_text
 from wire.process.program import Overwrite, print_json_error, program, progress_line
 from wire.process.system import NOT_RIGHT
-
-if TYPE_CHECKING:
-    from gcs.replay import Replay
 
 DIFFERENT = 1
 DELAY = re.compile(r"\+?([0-9]*\.?[0-9]+) ?(ms|s)")
@@ -52,14 +49,10 @@ def replay(log: LogPath, as_json: Json = False) -> None:
     if as_json:
         typer.echo(json.dumps(asdict(result) | {"identical": result.identical}, indent=2))
     else:
-        _show(result)
+        typer.echo(f"{result.inputs} inputs, {result.ticks} ticks, {result.agreed} outputs agree")
+        typer.echo("bit-identical" if result.identical else f"first difference: {result.difference}")
     if not result.identical:
         raise typer.Exit(DIFFERENT)
-
-
-def _show(result: "Replay") -> None:
-    typer.echo(f"{result.inputs} inputs, {result.ticks} ticks, {result.agreed} outputs agree")
-    typer.echo("bit-identical" if result.identical else f"first difference: {result.difference}")
 
 
 def _laws(incomplete: str) -> list[str]:

@@ -121,7 +121,9 @@ def fly(draw: Draw, runs: range, workers: Workers, *, shrinks: bool = True) -> R
 def summarise(draw: Draw, flown: Sequence[JobResult], workers: Workers | None = None) -> Result:
     """The result of these jobs; workers: who makes the first failures small, if anybody."""
     runs = [run for job in flown for run in job.runs]
-    failures = [_failure(draw, run) for run in runs if not run.verdict.contained]
+    failures = [
+        Failure(draw, run.number, run.verdict.violations[0], run.faults) for run in runs if not run.verdict.contained
+    ]
     if workers is not None and failures:
         small = workers.run("making failures small", shrunk, failures[:MOST_SHRUNK])
         failures[: len(small)] = small
@@ -138,10 +140,6 @@ def shrunk(failure: Failure) -> Failure:
     if failure.violation.kind == RAISED:
         return failure
     return replace(failure, faults=shrink(run_of(failure.draw, failure.number)))
-
-
-def _failure(draw: Draw, run: Run) -> Failure:
-    return Failure(draw, run.number, run.verdict.violations[0], run.faults)
 
 
 def _nearest(draw: Draw, runs: Sequence[Run]) -> tuple[ClosestRun, ...]:

@@ -315,7 +315,10 @@ def cost(result: Result) -> float:
 def to_json(flown: Sequence[tuple[Row, Result]], recorded_m: Recorded | None = None) -> str:
     """The result file: versions, the laws with the hashes of their files, the RMS of recorded flights by method and
     scene, and a row a flight."""
-    laws = {row.law.label: _described(row.law) for row, _ in flown}
+    laws = {
+        row.law.label: {"name": row.law.name, "sha256": sha256_of(_file_of(row.law)) if row.law.is_file else ""}
+        for row, _ in flown
+    }
     table = [
         {
             "law": row.law.label,
@@ -337,10 +340,6 @@ def versions() -> dict[str, str]:
     packages = {name: version_of(name) for name in ("numpy", "numba", "scipy")}
     return {"mavlink-formation": version.VERSION, "commit": version.commit(), "python": platform.python_version(),
             "machine": platform.machine()} | packages  # fmt: skip
-
-
-def _described(law: ChosenLaw) -> dict[str, Any]:
-    return {"name": law.name, "sha256": sha256_of(_file_of(law)) if law.is_file else ""}
 
 
 def _file_of(law: ChosenLaw) -> Path:

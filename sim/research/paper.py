@@ -123,7 +123,11 @@ def compare(flights: Sequence[Job], runner: Runner) -> Comparison:
     vehicle, seeds = flights[0].vehicle, tuple(sorted({job.seed for job in flights}))
     known = [(job, score) for job, score in flown if job.mismatch is None]
     return Comparison(
-        {name: _figures([pair for pair in known if pair[0].controller == name]) for name in _in_order(known)},
+        {
+            name: _figures(own)
+            for name in CONTROLLERS
+            if (own := [pair for pair in known if pair[0].controller == name])
+        },
         {name: _mismatched([s for job, s in flown if job.mismatch == name]) for name in MISMATCHES}
         if len(known) < len(flown)
         else {},
@@ -133,12 +137,6 @@ def compare(flights: Sequence[Job], runner: Runner) -> Comparison:
         flights[0].host,
         {(job.controller, job.experiment): score.trace for job, score in known if score.trace is not None},
     )
-
-
-def _in_order(known: Sequence[tuple[Job, Score]]) -> list[str]:
-    """The controllers flown, in the order of `CONTROLLERS`."""
-    flown = {job.controller for job, _ in known}
-    return [name for name in CONTROLLERS if name in flown]
 
 
 def _median(scores: Sequence[Score], field: Callable[[Score], float]) -> float | None:

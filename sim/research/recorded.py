@@ -127,7 +127,7 @@ def reconstruct(flight: Flight) -> Recorded:
     turns = np.array([_own_turn(flight, i, own.get(lab.vehicles[i].sysid or 0)) for i in lab.commanded])
     series = pos[:, drones].reshape(len(capture_s), -1).T
     visible = np.repeat(seen_at[:, drones], 3, axis=1).T
-    noise_m = np.repeat([_noise_m(capture_s[ok], p[ok]) for p, ok in _each(pos, seen_at, drones)], 3)
+    noise_m = np.repeat([_noise_m(capture_s[seen_at[:, i]], pos[seen_at[:, i], i]) for i in drones], 3)
     path = smooth(capture_s, series, visible, np.zeros((len(series), len(capture_s) - 1)), noise_m)
     model = _Model(scenario, turns, targets)
     open_loop = model.fly(capture_s, path, q[:, drones], begin_ns, end_ns)
@@ -219,10 +219,6 @@ def _scenario(lab: LabConfig, flight: Flight, profiles: list[VehicleProfile], de
         vehicles.append(TrueVehicle(sysid=lab.vehicles[i].sysid or 0, start=start, vehicle=true))
     link = LinkModel(down_s=min(delays_s), jitter_s=0.0)
     return Scenario(name=flight.run.scenario or "flight", lab=lab, vehicles=tuple(vehicles), link=link)
-
-
-def _each(pos: Float, seen_at: Bool, drones: Times) -> Iterator[tuple[Float, Bool]]:
-    return ((pos[:, i], seen_at[:, i]) for i in drones)
 
 
 def _noise_m(t_s: Float, pos_m: Float) -> float:

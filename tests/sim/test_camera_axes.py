@@ -12,10 +12,10 @@ import pytest
 from formation import topics
 from formation.maths import frames
 from formation.maths.arrays import Float
-from formation.messages import Phase
 from formation.model import NO_ROTATION, QuatTuple, Vec3Tuple
 from mocap.sources.csv_file import read_recording
 from sim import lockstep
+from sim.faults.fault import Family, Fault
 from sim.scenario import Scenario, TrueVehicle, load, with_leader_file
 from sim.world import World
 
@@ -146,18 +146,15 @@ def test_a_recorded_leader_is_followed_the_same_with_arbitrary_camera_axes(tmp_p
     "axes", [pytest.param(axes, marks=[pytest.mark.nightly] * (axes != "arbitrary")) for axes in CAMERA_AXES]
 )
 def test_agents_and_bridge_hold_and_land_with_any_camera_axes_when_the_ground_dies(axes, tmp_path):
-    bridged = TrueVehicle(sysid=2, bridged=True)
-    scenario = with_camera_axes(
-        load("triangle_line").model_copy(update={"vehicles": (bridged,)}), CAMERA_AXES[axes], tmp_path
-    )
+    flown = {
+        "vehicles": (TrueVehicle(sysid=2, bridged=True),),
+        "faults": (Fault(family=Family.KILL, core="ground", after_s=1.0),),
+    }
+    scenario = with_camera_axes(load("triangle_line").model_copy(update=flown), CAMERA_AXES[axes], tmp_path)
     world = World(scenario, 7, lambda _topic, _message, _t_ns: None)
-    while world.operator.phase is not Phase.FORMATION:
+    while world.faults.first_ns is None:
         world.step()
-    killed_ns = world.now_ns + S
-    while world.now_ns < killed_ns:
-        world.step()
-    world.kill_ground()
-    flying = world.truths()
+    killed_ns, flying = world.now_ns, world.truths()
     assert min(truth.pos_lab_m[2] for truth in flying.values()) > 0.2
     while world.now_ns < killed_ns + 8 * S:
         world.step()

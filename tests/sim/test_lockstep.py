@@ -12,11 +12,11 @@ from analysis.load import load as load_flight
 from analysis.metrics import Summary, summarise
 from formation import topics
 from formation.codes import FlightResult, Outcome
-from formation.messages import Phase, Verb
+from formation.messages import Phase
 from gcs.replay import replay
 from sim import lockstep
 from sim.scenario import Scenario, TrueVehicle, load
-from sim.script import FLIGHT, Step
+from sim.script import FLIGHT
 from sim.world import T0_NS
 from tests.wire.flight import check_log
 from wire.logs.mcap_read import read_log
@@ -78,13 +78,6 @@ def test_a_flight_that_does_not_end_is_aborted_and_says_so() -> None:
     outcome, _, summary = flown(short(longest_s=8.0), 1)
     assert outcome == Outcome(FlightResult.ABORTED, "not over after 8 s")
     assert summary.outcome.result is FlightResult.ABORTED
-
-
-def test_an_emergency_stop_in_the_script_cuts_every_motor_and_aborts() -> None:
-    script = (*FLIGHT[:2], Step(verb=Verb.STOP, phase="HOLD"))
-    outcome, flight, _ = flown(short(script=script), 1)
-    assert outcome.result == "aborted"
-    assert flight.phases[-1].phase is Phase.STOPPED
 
 
 def test_a_drone_heavier_than_the_controller_believes_still_holds_its_slot() -> None:

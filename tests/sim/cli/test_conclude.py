@@ -1,5 +1,7 @@
 """What the host saw and what the log tells, in one outcome."""
 
+from functools import partial
+
 import pytest
 
 from analysis.load import from_records
@@ -12,18 +14,9 @@ from wire.link_messages import Address, NamedValue
 from wire.mavlink.codec import Codec
 
 LANDED = Outcome(FlightResult.LANDED)
-
-
-def lost(reason: str) -> Outcome:
-    return Outcome(FlightResult.LOST, reason)
-
-
-def aborted(reason: str) -> Outcome:
-    return Outcome(FlightResult.ABORTED, reason)
-
-
-def starved(reason: str) -> Outcome:
-    return Outcome(FlightResult.STARVED, reason)
+lost, aborted, starved = (
+    partial(Outcome, result) for result in (FlightResult.LOST, FlightResult.ABORTED, FlightResult.STARVED)
+)
 
 
 @pytest.mark.parametrize(

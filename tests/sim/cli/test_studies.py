@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sim.cli.app import app
+from sim.research.paper_figures import NAMES
 
 
 def invoke(*arguments: str) -> tuple[int, str]:
@@ -34,13 +35,15 @@ def test_what_is_unknown_is_refused_by_name(arguments: tuple[str, ...], said: st
 
 def test_the_papers_figures_and_tables_are_written(tmp_path: Path) -> None:
     """Numbers of the printed tables are those of the paper; each figure names who is in it."""
-    done = CliRunner().invoke(app, ["paper", "--seeds", "1", "--only", "istsmc", "--out", str(tmp_path)])
+    done = CliRunner().invoke(
+        app, ["paper", "--seeds", "1", "--only", "istsmc", "--only", "pid", "--out", str(tmp_path)]
+    )
     assert done.exit_code == 0, done.output
     folder = tmp_path / "figures"
     for name in ("figure-5", "figure-6", "figure-6-error", "figure-7", "figure-7-error"):
         assert (folder / f"{name}.pdf").read_bytes().startswith(b"%PDF")
         svg = (folder / f"{name}.svg").read_text(encoding="utf-8")
-        assert "ISTSMC, printed gains" in svg
+        assert all(NAMES[name] in svg for name in ("istsmc", "pid"))
     tables = {name: (folder / f"{name}.tex").read_text(encoding="utf-8") for name in ("table-1", "table-2", "results")}
     for cells in ("mass, kg & 0.04", "Jxx, kg m² & 0.0001532", "Jzz, kg m² & 0.0003472", "wheelbase, m & 0.12"):
         assert rf"{cells} \\" in tables["table-1"]

@@ -142,31 +142,6 @@ def test_a_formation_held_by_a_gap_waits_for_the_operator_and_resumes(tmp_path: 
 
 
 @pytest.mark.nightly
-def test_a_recording_stamped_on_arrival_is_followed_through_bursts_and_a_gap(tmp_path: Path) -> None:
-    """The stalls of public recordings: up to 0.36 s, then all in a burst; once 0.87 s are lost."""
-    whole = walk_in_circles(tmp_path / "circles.csv").read_text().splitlines()
-    lines, free_ns = [], 0
-    for k, line in enumerate(whole):
-        stamp, _, rest = line.partition(",")
-        held_s = (0.05, 0.36, 0.1)[k // 150 % 3] * max(1.0 - k % 150 / (5, 36, 10)[k // 150 % 3], 0.0)
-        free_ns = max(int(stamp) + round(held_s * 1e9), free_ns + 300_000)
-        if not 12_000_000_000 < int(stamp) < 12_870_000_000:
-            lines.append(f"{free_ns},{rest}\n")
-    path = tmp_path / "arrival.csv"
-    path.write_text("".join(lines))
-    scenario = a_scenario(path)
-    flight = Flight(scenario)
-    flight.until(16.0)
-    assert flight.phases_after(0.0) == [Phase.HOLD], "the gap, and nothing else"
-    assert flight.phases[-1][0] > 12.0
-    flight.world.ask(Verb.START)
-    flight.until(26.0)
-    assert flight.phases_after(15.0) == [Phase.FORMATION]
-    assert not [text for text in flight.events if "is rejected" in text]
-    assert flight.least_m > scenario.lab.limits.min_separation_m
-
-
-@pytest.mark.nightly
 @pytest.mark.skipif(not VICON, reason=f"no {NAME} beside the repository: a leader recorded by a Vicon system")
 def test_a_recorded_leader_with_arrival_stamps_and_gaps_is_followed_to_its_end() -> None:
     scenario = a_scenario(VICON[0], (20.0, 45.0, 70.0, 95.0), **ON_ARRIVAL)

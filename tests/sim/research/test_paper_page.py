@@ -2,9 +2,11 @@
 
 import io
 
+import pytest
 from rich.console import Console
 
-from sim.research import paper_page
+from analysis.plots.style import Missing
+from sim.research import paper_figures, paper_page
 from sim.research.experiments import CONTROLLERS
 from sim.research.host import Host
 from sim.research.mismatch import MISMATCHES
@@ -31,3 +33,8 @@ def test_a_terminal_of_eighty_characters_shows_every_number() -> None:
     assert "…" not in shown
     assert shown.count("55.0") == len(CONTROLLERS) + 1  # and as believed, beside the mismatches
     assert all(name in " ".join(shown.split()) for name in MISMATCHES)
+
+
+@pytest.mark.parametrize("draw", [paper_figures.gust, paper_figures.formation, paper_figures.deviations])
+def test_a_comparison_without_flights_says_so(draw):
+    assert isinstance(draw({}), Missing)

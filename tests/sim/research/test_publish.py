@@ -8,7 +8,6 @@ import pytest
 from typer.testing import CliRunner
 
 from sim.cli.log import app
-from sim.research.publish import shown, table
 from tests.analysis.synthetic_flight import METADATA, Recipe, written
 
 
@@ -54,7 +53,3 @@ def test_what_cannot_be_published_is_named(folders: list[Path], tmp_path: Path) 
     done = CliRunner().invoke(app, ["paper", str(folders[0]), str(folders[0]), "--out", str(tmp_path)])
     assert (done.exit_code, "two flights are called Circle" in done.output) == (2, True)
     assert CliRunner().invoke(app, ["paper", str(tmp_path / "none"), "--out", str(tmp_path)]).exit_code == 2
-
-
-def test_letters_that_mean_something_to_latex_are_escaped(folders: list[Path]) -> None:
-    assert "line\\_2" in table([shown(folders[1])])

@@ -175,18 +175,13 @@ def choose(asked: str, flight: Flight, facts: Facts, stages: Stages | None) -> J
         return Judged((Reason.NO_TRAJECTORY.of(error),))
     pose = _start_pose(facts, stages, config, aloft=flight.phase is Phase.HOLD)
     ahead = foreseen(flight.shape, pose, None, 0.0, config)
-    reasons = trajectory_reject_reasons(ahead, config)
-    return Judged(reasons, partial(flight.choose, asked, trajectory_text(config, ahead)))
-
-
-def trajectory_reject_reasons(ahead: Preview, config: LabConfig) -> tuple[Reject, ...]:
-    """Why a trajectory of the leader's cannot be flown: fence, speed, tilt, thrust and turn, the slots' too."""
     infeasible = (
         Reason.INFEASIBLE.of(finding.why)
         for finding in judge_trajectory(config, Keys(config), ahead)
         if finding.grade is Grade.FAIL
     )
-    return (*leader_path_reject_reasons(ahead, config), *slot_reject_reasons(ahead, config), *infeasible)
+    reasons = (*leader_path_reject_reasons(ahead, config), *slot_reject_reasons(ahead, config), *infeasible)
+    return Judged(reasons, partial(flight.choose, asked, trajectory_text(config, ahead)))
 
 
 def requested(text: str, stages: Stages | None, config: LabConfig, forming: Bool) -> Shape:

@@ -20,6 +20,7 @@ from mavsdk.plugins.log_files import LogFilesError
 from mavsdk.plugins.param import ParamError, ParamResult
 
 from wire.files import finish_log, inside
+from wire.security.bus_access import free_loopback_port
 from wire.text import plain
 
 LOOPBACK = "127.0.0.1"
@@ -39,7 +40,7 @@ class MavsdkPort:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.bind((LOOPBACK, 0))
-        self._mavsdk = (LOOPBACK, _free_port())
+        self._mavsdk = (LOOPBACK, free_loopback_port(socket.SOCK_DGRAM))
         self._loop.add_reader(self._socket, self._read)
 
     @property
@@ -191,10 +192,3 @@ async def _unhealthy(system: Any) -> tuple[str, ...] | None:
         "not armable": health.is_armable,
     }
     return tuple(lack for lack, well in lacks.items() if not well)
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((LOOPBACK, 0))
-        port: int = probe.getsockname()[1]
-        return port

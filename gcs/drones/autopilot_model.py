@@ -131,10 +131,6 @@ def _has(bits: int) -> Callable[[float], bool]:
     return lambda found: int(found) & bits == bits
 
 
-def _lets_take_off(found: float) -> bool:
-    return found <= 0.0 or found >= IDLE_DISARM_LEAST_S
-
-
 def _between(low: float, high: float) -> Callable[[float], bool]:
     return lambda found: low <= found <= high
 
@@ -151,7 +147,9 @@ def _rule(
 def _idle_disarm_rule(table: AutopilotTable) -> ParameterRule:
     wanted = f"{IDLE_DISARM_LEAST_S:g} s or more, or 0 (never)"
     why = "disarms an armed drone before all can take off"
-    return _rule(table, table.idle_disarm_parameter, wanted, _lets_take_off, why)
+    return _rule(
+        table, table.idle_disarm_parameter, wanted, lambda found: found <= 0.0 or found >= IDLE_DISARM_LEAST_S, why
+    )
 
 
 PX4_MODEL = GroundModel(

@@ -302,6 +302,23 @@ class FakeLab:
         raise AssertionError("the core wants to tick without end")
 
 
+STAY = {"body": "lead", "sysid": 1, "trajectory": {"kind": "hold", "duration_s": 60.0}}
+
+
+def answer(lab: FakeLab, verb: Verb, argument: str = "") -> OperatorReply:
+    """The reply to a request that is answered at once."""
+    reply = lab.reply(lab.ask(verb, argument))
+    assert reply is not None
+    return reply
+
+
+def accepted(lab: FakeLab, verb: Verb, argument: str = "") -> str:
+    """The reply to a request that is accepted, in words."""
+    reply = answer(lab, verb, argument)
+    assert reply.accepted, reply.text
+    return reply.text
+
+
 def refusal(lab: FakeLab, verb: Verb, argument: str = "") -> str:
     """Why the request is refused, in words."""
     return rejected(lab, verb, argument).text
@@ -314,8 +331,7 @@ def reasons(lab: FakeLab, verb: Verb, argument: str = "") -> list[Reason]:
 
 def rejected(lab: FakeLab, verb: Verb, argument: str = "") -> OperatorReply:
     """The reply to a request that is refused."""
-    reply = lab.reply(lab.ask(verb, argument))
-    assert reply is not None
+    reply = answer(lab, verb, argument)
     assert not reply.accepted
     return reply
 

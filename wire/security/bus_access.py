@@ -42,9 +42,9 @@ def address_towards(host: str) -> str:
         return str(probe.getsockname()[0])
 
 
-def free_loopback_port() -> int:
-    """A TCP port of loopback that nobody has now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+def free_loopback_port(kind: socket.SocketKind = socket.SOCK_STREAM) -> int:
+    """A port of loopback that nobody has now, of TCP or, with SOCK_DGRAM, of UDP."""
+    with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
@@ -92,7 +92,9 @@ class BusAccess:
 
     def carried(self, endpoints: Sequence[str]) -> list[str]:
         """The endpoints as they are opened: TLS with keys, as they are without."""
-        return [_tls(endpoint) for endpoint in endpoints] if self.identity is not None else list(endpoints)
+        return (
+            [sub("^tcp/", "tls/", endpoint) for endpoint in endpoints] if self.identity is not None else list(endpoints)
+        )
 
     def own_endpoint(self, connect: Sequence[str]) -> str:
         """Where a process listens that is not the hub: on loopback, or at this machine's address towards another hub.
@@ -178,7 +180,3 @@ def connectable(endpoint: str) -> str:
     if not anywhere.is_unspecified:
         return endpoint
     return endpoint.replace(host, "127.0.0.1", 1) if anywhere.version == 4 else endpoint.replace(host, "::1", 1)
-
-
-def _tls(endpoint: str) -> str:
-    return sub("^tcp/", "tls/", endpoint)

@@ -5,8 +5,7 @@ import pytest
 
 from formation.messages import Phase, Verb
 from formation.reasons import Reason
-from tests.gcs.core.test_taking_part import accepted
-from tests.gcs.fakes import FakeLab, reasons, refusal, triangle
+from tests.gcs.fakes import FakeLab, accepted, reasons, refusal, triangle
 
 S = 1_000_000_000
 LINE = {"kind": "line", "length_m": 1.2, "duration_s": 6.0}
@@ -37,14 +36,14 @@ def test_an_interrupted_trajectory_is_resumed_and_ends_where_it_would_have(lab: 
     lab.run(2.5)
     lab.command(Verb.HOLD, Phase.HOLD)
     lab.run(2.0)
-    accepted(lab, Verb.RESUME, "")
+    accepted(lab, Verb.RESUME)
     lab.run(0.2)
     lab.command(Verb.HOLD, Phase.HOLD)  # before its slots are taken again: it interrupts nothing more
     lab.run(1.0)
     halted_m = lab.drones[LEAD].pos.copy()
     assert 0.2 < halted_m[0] - start_m[0] < 0.7
     accepted(lab, Verb.SHAPE, "column")
-    accepted(lab, Verb.RESUME, "")
+    accepted(lab, Verb.RESUME)
     begun(lab)
     flown = [lab.drones[LEAD].pos[0]]
     for _ in range(200):

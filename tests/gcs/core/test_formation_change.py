@@ -3,16 +3,8 @@
 import numpy as np
 import pytest
 
-from formation.messages import OperatorReply, Phase, Verb
-from tests.gcs.fakes import FakeLab, triangle
-
-STAY = {"body": "lead", "sysid": 1, "trajectory": {"kind": "hold", "duration_s": 60.0}}
-
-
-def ask(lab: FakeLab, shape: str) -> OperatorReply:
-    reply = lab.reply(lab.ask(Verb.SHAPE, shape))
-    assert reply is not None
-    return reply
+from formation.messages import Phase, Verb
+from tests.gcs.fakes import STAY, FakeLab, accepted, rejected, triangle
 
 
 def places(lab: FakeLab) -> np.ndarray:
@@ -29,8 +21,7 @@ def flying() -> FakeLab:
 
 
 def test_a_change_in_flight_brings_each_to_the_slot_nearest_to_it(flying: FakeLab) -> None:
-    reply = ask(flying, "line scale=1.2")
-    assert (reply.accepted, reply.text) == (True, "phase FORMATION, shape line scale=1.2")
+    assert accepted(flying, Verb.SHAPE, "line scale=1.2") == "phase FORMATION, shape line scale=1.2"
     flying.run(6.0)
     np.testing.assert_allclose(places(flying), [[0.0, 0.6, 0.0], [0.0, -0.6, 0.0]], atol=0.02)
     assert any(text.startswith("shape line scale=1.2 in ") for text in flying.events)
@@ -39,7 +30,7 @@ def test_a_change_in_flight_brings_each_to_the_slot_nearest_to_it(flying: FakeLa
 def test_a_shape_chosen_while_holding_is_taken_up_at_the_start() -> None:
     lab = FakeLab(triangle(leader=STAY))
     lab.take_off()
-    assert ask(lab, "line").text == "phase HOLD, shape line"
+    assert accepted(lab, Verb.SHAPE, "line") == "phase HOLD, shape line"
     lab.run(1.0)
     np.testing.assert_allclose(places(lab), [[-0.4, 0.4, 0.0], [-0.4, -0.4, 0.0]], atol=0.03)
     lab.command(Verb.START, Phase.FORMATION)
@@ -66,12 +57,10 @@ def test_an_impossible_shape_is_rejected_with_its_reason_and_nothing_moves(where
         lab.run(0.5)
     before = places(lab)
     for shape, words in REFUSED:
-        reply = ask(lab, shape)
-        assert not reply.accepted, shape
-        assert words in reply.text
+        assert words in rejected(lab, Verb.SHAPE, shape).text
     lab.run(1.0)
     np.testing.assert_allclose(places(lab), before, atol=0.01)
-    assert ask(lab, "line").accepted
+    accepted(lab, Verb.SHAPE, "line")
 
 
 def test_a_shape_is_judged_where_the_leaders_trajectory_will_carry_it() -> None:
@@ -79,9 +68,9 @@ def test_a_shape_is_judged_where_the_leaders_trajectory_will_carry_it() -> None:
     turning = {"body": "lead", "sysid": 1, "trajectory": {"kind": "hold", "duration_s": 20.0, "yaw_rate_rad_s": 0.2}}
     lab = FakeLab(triangle(leader=turning))
     lab.run(0.5)
-    text = ask(lab, "column scale=2.2").text
+    text = rejected(lab, Verb.SHAPE, "column scale=2.2").text
     assert "right: its slot would be outside the fence, at " in text
     assert "beyond limits.fence." in text
     assert text.endswith(" s along the leader's path")
     lab = FakeLab(triangle(leader=STAY))
-    assert ask(lab, "column scale=2.2").accepted
+    accepted(lab, Verb.SHAPE, "column scale=2.2")

@@ -6,10 +6,9 @@ import pytest
 from formation.codes import Cause
 from formation.messages import Phase, Verb
 from formation.reasons import Reason
-from tests.gcs.fakes import FakeLab, commands, reasons, refusal, triangle
+from tests.gcs.fakes import STAY, FakeLab, accepted, commands, reasons, refusal, triangle
 from wire.link_messages import MavCommand
 
-STAY = {"body": "lead", "sysid": 1, "trajectory": {"kind": "hold", "duration_s": 60.0}}
 LEFT, RIGHT = 2, 3
 
 
@@ -21,13 +20,6 @@ def lab() -> FakeLab:
     lab.hidden.add("left")
     lab.run(2.0)
     return lab
-
-
-def accepted(lab: FakeLab, verb: Verb, argument: str) -> str:
-    reply = lab.reply(lab.ask(verb, argument))
-    assert reply is not None
-    assert reply.accepted, reply.text
-    return reply.text
 
 
 def test_the_others_fly_without_a_dead_drone_and_its_slot_stays_empty(lab: FakeLab) -> None:
@@ -247,7 +239,7 @@ def test_all_are_led_home_each_above_where_it_took_off() -> None:
     lab.command(Verb.START, Phase.FORMATION)
     lab.run(13.0)
     assert lab.drones[1].pos[0] > 0.7
-    accepted(lab, Verb.HOME, "")
+    accepted(lab, Verb.HOME)
     nearest = []
     for _ in range(1500):
         lab.step()
@@ -263,7 +255,7 @@ def test_all_are_led_home_each_above_where_it_took_off() -> None:
 
 def test_home_from_a_hold_forms_first(flying: FakeLab) -> None:
     flying.command(Verb.HOLD, Phase.HOLD)
-    accepted(flying, Verb.HOME, "")
+    accepted(flying, Verb.HOME)
     flying.run(5.0)
     assert (flying.phase, flying.state.shape) == (Phase.FORMATION, "home")
     assert not flying.state.trajectory_started

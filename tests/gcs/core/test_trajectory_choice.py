@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from formation.config import LabConfig
-from formation.messages import OperatorReply, Verb
-from tests.gcs.fakes import FakeLab, triangle
+from formation.messages import Verb
+from tests.gcs.fakes import FakeLab, accepted, refusal, triangle
 
 WAYS: dict[str, Any] = {
     "out": {"kind": "line", "length_m": 0.8, "duration_s": 3.0},
@@ -19,12 +19,6 @@ WAYS: dict[str, Any] = {
 def lab(**leader: Any) -> LabConfig:
     stay = {"body": "lead", "sysid": 1, "trajectory": {"kind": "hold", "duration_s": 2.0}, "trajectories": WAYS}
     return triangle(leader=stay | leader)
-
-
-def ask(flying: FakeLab, name: str) -> OperatorReply:
-    reply = flying.reply(flying.ask(Verb.TRAJECTORY, name))
-    assert reply is not None
-    return reply
 
 
 @pytest.fixture(scope="module")
@@ -43,9 +37,7 @@ def standing() -> FakeLab:
     ],
 )
 def test_what_cannot_be_flown_is_rejected_in_words(standing: FakeLab, name: str, why: str) -> None:
-    reply = ask(standing, name)
-    assert not reply.accepted
-    assert why in reply.text
+    assert why in refusal(standing, Verb.TRAJECTORY, name)
     assert standing.state.trajectory == "configured"
 
 
@@ -55,28 +47,28 @@ def test_a_trajectory_that_fits_from_the_origin_is_rejected_where_the_fence_is_t
     config = lab(trajectory={"kind": "hold", "duration_s": 1.0}, trajectories={"out": WAYS["out"]})
     flying = FakeLab(LabConfig.model_validate(config.model_dump() | {"limits": fence}))
     flying.run(1.0)
-    assert ask(flying, "out").accepted
+    accepted(flying, Verb.TRAJECTORY, "out")
     for drone in flying.drones.values():
         drone.pos[0] += 0.3
     flying.run(1.0)
-    assert "lead: it would be outside the fence" in ask(flying, "out").text
-    assert ask(flying, "configured").accepted
+    assert "lead: it would be outside the fence" in refusal(flying, Verb.TRAJECTORY, "out")
+    accepted(flying, Verb.TRAJECTORY, "configured")
 
 
 def test_a_leader_that_is_only_observed_has_none_to_choose() -> None:
     config = triangle(leader={"body": "lead", "trajectories": {"out": WAYS["out"]}})
     flying = FakeLab(config)
     flying.run(1.0)
-    assert ask(flying, "out").text == "lead: it is only observed, and flies what it flies"
+    assert refusal(flying, Verb.TRAJECTORY, "out") == "lead: it is only observed, and flies what it flies"
 
 
 def test_the_one_that_was_chosen_is_said_with_its_numbers_and_none_is_chosen_in_formation() -> None:
     """That it is flown, and replays: tests.gcs.test_replay."""
     flying = FakeLab(lab())
     flying.run(2.0)
-    assert ask(flying, "out").text == "phase GROUND, shape configured, trajectory out"
+    assert accepted(flying, Verb.TRAJECTORY, "out") == "phase GROUND, shape configured, trajectory out"
     assert "trajectory out: line, 0.80 m in 3.0 s, up to 0.50 m/s and 0.51 m/s^2" in flying.events
     flying.fly()
-    assert ask(flying, "eight").text == (
+    assert refusal(flying, Verb.TRAJECTORY, "eight") == (
         "trajectory is for GROUND, ARMED, TAKEOFF, HOLD, this is FORMATION: `gcs hold` leads to HOLD, `gcs land` down"
     )

@@ -18,7 +18,7 @@ from rich.table import Table
 from analysis.console import print_summary
 from analysis.load import Flight
 from analysis.metrics import Summary, summarise
-from bench.command import FAILED, Json
+from bench.command import FAILED, Json, without_nan
 from formation.codes import GOOD_RESULTS
 from formation.config import Fence
 from formation.maths.arrays import Bool
@@ -27,7 +27,7 @@ from formation.vehicle.profile import VehicleProfile, profile
 from sim import lockstep
 from sim.cameras.emulator import EmulatorConfig, Gap
 from sim.cli.conclude import conclude
-from sim.cli.studies import Full, host_of, without_nan
+from sim.cli.studies import Full, host_of
 from sim.faults.poses import NOISE_RAD_PER_M
 from sim.research import host, push
 from sim.research.experiments import FORMATION_S, SCENARIOS, Experiment

@@ -11,9 +11,9 @@ from dataclasses import asdict, dataclass
 import typer
 from rich.console import Console
 
-from bench.command import FAILED, Only, Seeds, Vehicle
+from bench.command import FAILED, Only, Seeds, Vehicle, without_nan
 from formation.vehicle.profile import PAPER_40G, VehicleProfile
-from sim.cli.studies import vehicle_profile, without_nan
+from sim.cli.studies import vehicle_profile
 from sim.research import experiments, host
 from sim.research.experiments import Experiment, Job
 from sim.research.host import Host

@@ -13,7 +13,7 @@ from pydantic import AliasChoices, Field, model_validator
 from drone_agent.config import SimulatedDroneConfig
 from drone_agent.simulation.disturbance import Disturbance
 from drone_agent.simulation.inertial import InertialError
-from formation.config import FollowerConfig, LabConfig
+from formation.config import LabConfig
 from formation.maths import frames
 from formation.maths.arrays import Vec3
 from formation.model import Model, Name, Positive, QuatTuple, SysId, Vec3Tuple, WrongKeyError
@@ -233,7 +233,9 @@ def agent_configs(scenario: Scenario, leader: Playback | None) -> tuple[Simulate
         true = scenario.true_vehicle(vehicle.sysid)
         start = true.start or Pose(pos_lab_m=(float(pos_lab_m[0]), float(pos_lab_m[1]), 0.0), yaw_rad=yaw_rad)
         if true.start is None and i > 0:
-            start = _below_slot(scenario.lab.followers[i - 1], pos_lab_m, yaw_rad)
+            follower = scenario.lab.followers[i - 1]
+            x, y, _ = pos_lab_m + frames.rotate_about_z(np.array(yaw_rad), np.array(follower.offset_m))
+            start = Pose(pos_lab_m=(float(x), float(y), 0.0), yaw_rad=yaw_rad + follower.yaw_offset_rad)
         configs.append(
             SimulatedDroneConfig(
                 sysid=vehicle.sysid,
@@ -266,8 +268,3 @@ def _leader_start(scenario: Scenario, leader: Playback | None) -> tuple[Vec3, fl
     pos_lab_m = frames.rotate(q_lab_from_mocap, pos_mocap_m) + np.array(scenario.lab.mocap.origin_lab_m)
     q_lab_from_marker = frames.multiply(q_lab_from_mocap, q_mocap_from_marker)
     return pos_lab_m, float(frames.yaw(frames.multiply(q_lab_from_marker, np.array(config.q_marker_from_flu))))
-
-
-def _below_slot(follower: FollowerConfig, pos_lab_m: Vec3, yaw_rad: float) -> Pose:
-    x, y, _ = pos_lab_m + frames.rotate_about_z(np.array(yaw_rad), np.array(follower.offset_m))
-    return Pose(pos_lab_m=(float(x), float(y), 0.0), yaw_rad=yaw_rad + follower.yaw_offset_rad)

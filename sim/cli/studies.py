@@ -281,15 +281,6 @@ def vehicle_profile(name_or_path: str) -> "VehicleProfile":
         fail(str(error), NOT_RIGHT)
 
 
-def without_nan(value: object) -> object:
-    """The same with None for NaN and infinity, which JSON does not have."""
-    if isinstance(value, dict):
-        return {key: without_nan(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [without_nan(item) for item in value]
-    return None if isinstance(value, float) and not isfinite(value) else value
-
-
 def host_of(full: bool) -> "Host":
     """What flies a study."""
     from sim.research.host import Host

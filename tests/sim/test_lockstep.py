@@ -69,9 +69,12 @@ def test_the_triangle_is_flown_and_landed(lap: tuple[Outcome, Path]) -> None:
         assert flight.truth[sysid]["on_ground"][-1]
 
 
-def test_the_log_is_whole_and_replays_bit_by_bit(lap: tuple[Outcome, Path]) -> None:
+def test_the_log_is_whole_has_the_bytes_of_both_ways_in_order_and_replays(lap: tuple[Outcome, Path]) -> None:
     assert check_log(lap[1]).complete
     assert replay(read_log(lap[1])).identical
+    flight = load_flight(lap[1])
+    assert set(flight.up.sysid) == set(flight.down.sysid) == {1, 2, 3}
+    assert all(np.diff(flight.up.t_s) >= 0.0)
 
 
 def test_a_flight_that_does_not_end_is_aborted_and_says_so() -> None:
@@ -108,13 +111,6 @@ def test_nothing_in_lockstep_opens_a_socket(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(socket, "socket", refuse)
     outcome, _, _ = flown(short(script=FLIGHT[:2], longest_s=8.0), 1)
     assert outcome.result == "held"
-
-
-def test_bytes_cross_the_links_both_ways_in_order(lap: tuple[Outcome, Path]) -> None:
-    flight = load_flight(lap[1])
-    assert set(flight.up.sysid) == {1, 2, 3}
-    assert set(flight.down.sysid) == {1, 2, 3}
-    assert all(np.diff(flight.up.t_s) >= 0.0)
 
 
 def test_the_metadata_says_what_was_flown() -> None:

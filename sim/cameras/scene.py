@@ -1,6 +1,5 @@
 """A scene for emulated cameras without any drone: bodies at rest, or circling. Pure."""
 
-from dataclasses import replace
 from math import cos, pi, sin
 
 import numpy as np
@@ -26,11 +25,9 @@ class CirclingScene:
     """
 
     def __init__(
-        self, lab: LabConfig, count: int, cameras: EmulatorConfig, still: bool, leader: Playback | None, seed: int,
-        t0_ns: int,
-    ) -> None:  # fmt: skip
-        """count: so many of the lab's vehicles there are, the leader first."""
-        self.bodies = tuple(v.body for v in lab.vehicles)[:count]
+        self, lab: LabConfig, cameras: EmulatorConfig, still: bool, leader: Playback | None, seed: int, t0_ns: int
+    ) -> None:
+        self.bodies = tuple(v.body for v in lab.vehicles)
         self._cameras = MocapEmulator(cameras, _carried(lab, leader is not None), leader, seed, t0_ns)
         self._cameras.start(t0_ns)
         self._first = 0 if leader is None else 1
@@ -44,12 +41,11 @@ class CirclingScene:
 
     def frames(self, now_ns: int) -> list[RawFrame]:
         """The frames that leave the cameras' computer by now."""
-        n = len(self.bodies)
         if now_ns - self._cameras.next_exposure_ns > STOOD_STILL_NS:
             self._cameras.skip_to(now_ns)
         while (t_ns := self._cameras.next_exposure_ns) <= now_ns:
-            self._cameras.expose({i + 1: self._truth(i, t_ns) for i in range(self._first, n)})
-        return [_first_bodies(frame, n) for frame in self._cameras.pop_due(now_ns)]
+            self._cameras.expose({i + 1: self._truth(i, t_ns) for i in range(self._first, len(self.bodies))})
+        return self._cameras.pop_due(now_ns)
 
     def _truth(self, i: int, t_ns: int) -> Truth:
         t_s = 0.0 if self._still else (t_ns - self._t0_ns) * 1e-9
@@ -63,10 +59,9 @@ class CirclingScene:
 
 
 def lab_of(names: tuple[str, ...], mocap: MocapConfig) -> LabConfig:
-    """A lab of bodies of these names, and one more where there is but one."""
+    """A lab of bodies of these names, two at least."""
     followers = tuple(
-        FollowerConfig(body=name, sysid=i, offset_m=(-0.5 * i, 0.0, 0.0))
-        for i, name in enumerate(names[1:] or ("nobody",), start=2)
+        FollowerConfig(body=name, sysid=i, offset_m=(-0.5 * i, 0.0, 0.0)) for i, name in enumerate(names[1:], start=2)
     )
     return LabConfig(leader=LeaderConfig(body=names[0], sysid=1), followers=followers, mocap=mocap)
 
@@ -76,15 +71,3 @@ def _carried(lab: LabConfig, led: bool) -> LabConfig:
     leader = lab.leader.model_copy(update={"sysid": None if led else 1})
     followers = tuple(f.model_copy(update={"sysid": i}) for i, f in enumerate(lab.followers, start=2))
     return lab.model_copy(update={"leader": leader, "followers": followers})
-
-
-def _first_bodies(frame: RawFrame, n: int) -> RawFrame:
-    if len(frame.bodies) == n:
-        return frame
-    return replace(
-        frame,
-        bodies=frame.bodies[:n],
-        pos_mocap_m=frame.pos_mocap_m[:n],
-        q_mocap_from_marker=frame.q_mocap_from_marker[:n],
-        seen=frame.seen[:n],
-    )

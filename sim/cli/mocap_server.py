@@ -77,9 +77,7 @@ def box(options: BoxOptions) -> Box:
     except (ConfigError, MocapFileError, ValidationError) as error:
         raise BoxError(_first_line(error)) from error
     lab = lab.model_copy(update={"mocap": mocap})
-    return Box(
-        CirclingScene(lab, len(lab.vehicles), emulator, options.still, leader, options.seed, t0_ns), mocap, clock
-    )
+    return Box(CirclingScene(lab, emulator, options.still, leader, options.seed, t0_ns), mocap, clock)
 
 
 def _mocap(mocap: MocapConfig, options: BoxOptions) -> MocapConfig:

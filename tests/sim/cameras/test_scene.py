@@ -21,8 +21,8 @@ def shown(room: CirclingScene, for_s: float) -> list[RawFrame]:
 
 
 def test_a_still_room_is_still_and_turned_cameras_show_it_in_their_own_axes() -> None:
-    plain = shown(CirclingScene(lab_of(("a", "b"), MocapConfig()), 2, EXACT, True, None, 1, 0), 0.5)
-    turned = shown(CirclingScene(lab_of(("a", "b"), Y_UP), 2, EXACT, True, None, 1, 0), 0.5)
+    plain = shown(CirclingScene(lab_of(("a", "b"), MocapConfig()), EXACT, True, None, 1, 0), 0.5)
+    turned = shown(CirclingScene(lab_of(("a", "b"), Y_UP), EXACT, True, None, 1, 0), 0.5)
     np.testing.assert_allclose(plain[-1].pos_mocap_m, plain[0].pos_mocap_m, atol=1e-12)
     # The cameras' x points to the right (the lab's -y), y up, z back (-x).
     x, y, z = plain[0].pos_mocap_m.T
@@ -31,7 +31,7 @@ def test_a_still_room_is_still_and_turned_cameras_show_it_in_their_own_axes() ->
 
 def test_a_burst_comes_at_once_and_every_frame_of_it_with_its_own_exposure() -> None:
     cameras = EXACT.model_copy(update={"burst": 10})
-    room = CirclingScene(lab_of(("a", "b"), MocapConfig()), 2, cameras, False, None, 1, 0)
+    room = CirclingScene(lab_of(("a", "b"), MocapConfig()), cameras, False, None, 1, 0)
     came: list[tuple[int, int]] = []
     while room.next_ns <= S:
         now_ns = room.next_ns
@@ -44,7 +44,7 @@ def test_a_burst_comes_at_once_and_every_frame_of_it_with_its_own_exposure() -> 
 
 
 def test_a_box_that_was_stopped_does_not_keep_its_clients_waiting_for_what_it_missed() -> None:
-    room = CirclingScene(lab_of(("a", "b"), MocapConfig()), 2, EXACT, False, None, 1, 0)
+    room = CirclingScene(lab_of(("a", "b"), MocapConfig()), EXACT, False, None, 1, 0)
     before = shown(room, 1.0)
     assert room.frames(6 * S) == []
     assert 6 * S < room.next_ns <= 6 * S + S // 100

@@ -246,6 +246,12 @@ class FakeLab:
         self.take_off()
         self.command(Verb.START, Phase.FORMATION)
 
+    def land(self) -> None:
+        """Land, down to the phase GROUND, in which no motor runs."""
+        self.command(Verb.LAND, Phase.LAND)
+        self.run_until(Phase.GROUND)
+        assert not any(drone.armed for drone in self.drones.values())
+
     @property
     def state(self) -> GroundState:
         """What the ground publishes, as who hears it on the bus has it."""

@@ -132,9 +132,7 @@ def test_a_disarm_rejected_on_the_floor_is_forced():
     drone = lab.drones[1]
     obey = drone._obey
     drone._obey = lambda c: Result.DENIED if c.command == 400 and c.params[1] == 0.0 else obey(c)
-    lab.command(Verb.LAND, Phase.LAND)
-    lab.run_until(Phase.GROUND)
-    assert not drone.armed
+    lab.land()
     assert any(c.params[:2] == (0.0, 21196.0) for c in commands(drone, 400))
 
 

@@ -25,9 +25,7 @@ def test_a_whole_flight(lab):
     assert np.allclose(lab.drones[2].pos - lab.drones[1].pos, [-0.4, 0.4, 0.0], atol=0.05)
     assert np.allclose(lab.drones[3].pos - lab.drones[1].pos, [-0.4, -0.4, 0.0], atol=0.05)
     lab.command(Verb.HOLD, Phase.HOLD)
-    lab.command(Verb.LAND, Phase.LAND)
-    lab.run_until(Phase.GROUND)
-    assert [d.armed for d in lab.drones.values()] == [False] * 3
+    lab.land()
     lab.command(Verb.ARM, Phase.ARMED)  # and again
     phases = [message.phase for name, message in lab.records if name == "phase"]
     assert phases == [

@@ -50,12 +50,10 @@ def test_a_restarted_ground_asked_to_arm_drops_nobody():
 @pytest.mark.parametrize("heard_s", [0.0, 3.5])
 def test_land_from_ground_has_each_autopilot_land_its_drone_and_sends_no_setpoint(heard_s):
     lab = restarted(heard_s=heard_s)
-    lab.command(Verb.LAND, Phase.LAND)
-    lab.run_until(Phase.GROUND)
+    lab.land()
     for drone in lab.drones.values():
         assert commands(drone, 21)
         assert not drone.setpoints
-        assert not drone.armed
     assert refusal(lab, Verb.TAKEOFF)
     lab.run(1.0)
     lab.command(Verb.ARM, Phase.ARMED)
@@ -92,9 +90,7 @@ def test_drones_taken_over_hold_where_they_are_and_fly_on(make, knows_owners):
     lab.command(Verb.START, Phase.FORMATION)
     lab.run(2.0)
     assert lab.phase is Phase.FORMATION
-    lab.command(Verb.LAND, Phase.LAND)
-    lab.run_until(Phase.GROUND)
-    assert not any(drone.armed for drone in lab.drones.values())
+    lab.land()
 
 
 def held_aside() -> FakeLab:
@@ -195,8 +191,7 @@ def test_log_trouble_is_reported_forbids_arming_and_changes_no_setpoint():
         assert [(t, s.thrust_norm, s.q_lab_from_flu.tobytes()) for t, s in mine.setpoints] == [
             (t, s.thrust_norm, s.q_lab_from_flu.tobytes()) for t, s in other.setpoints
         ]
-    ill.command(Verb.LAND, Phase.LAND)
-    ill.run_until(Phase.GROUND)
+    ill.land()
     ill.run(1.5)
     assert refusal(ill, Verb.ARM) == "the log: the disk is full"
     ill.core.receive(HostReport(button_trouble="the stop button does not work: gone"), ill.now_ns)

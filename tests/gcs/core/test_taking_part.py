@@ -31,8 +31,7 @@ def test_the_others_fly_without_a_dead_drone_and_its_slot_stays_empty(lab: FakeL
     assert lab.state.trajectory_started
     np.testing.assert_allclose(lab.drones[RIGHT].pos - lab.drones[1].pos, [-0.4, -0.4, 0.0], atol=0.02)
     assert [drone.excluded for drone in lab.state.drones] == [False, True, False]
-    lab.command(Verb.LAND, Phase.LAND)
-    lab.run_until(Phase.GROUND)
+    lab.land()
     assert lab.causes[-1] is Cause.LANDED
     assert lab.drones[LEFT].setpoints == []
     assert commands(lab.drones[LEFT], MavCommand.COMPONENT_ARM_DISARM) == []
@@ -159,27 +158,27 @@ def flying() -> FakeLab:
     return lab
 
 
-def nearest_m(lab: FakeLab) -> float:
-    """The least distance between any two."""
-    pos = np.array([drone.pos for drone in lab.drones.values()])
-    apart = np.linalg.norm(pos[:, None] - pos[None], axis=-1)
-    return float(apart[apart > 0.0].min())
+def nearest_m(lab: FakeLab, steps: int) -> float:
+    """The least distance between any two in the next so many steps, which are flown."""
+    nearest = np.inf
+    for _ in range(steps):
+        lab.step()
+        pos = np.array([drone.pos for drone in lab.drones.values()])
+        apart = np.linalg.norm(pos[:, None] - pos[None], axis=-1)
+        nearest = min(nearest, apart[apart > 0.0].min())
+    return float(nearest)
 
 
 def test_one_lands_alone_and_the_others_fly_on(flying: FakeLab) -> None:
     accepted(flying, Verb.LAND, "left")
-    nearest = []
-    for _ in range(1000):
-        flying.step()
-        nearest.append(nearest_m(flying))
+    nearest = nearest_m(flying, 1000)
     left = flying.drones[LEFT]
     assert (flying.phase, left.armed) == (Phase.FORMATION, False)
     assert left.pos[2] < 0.03
-    assert min(nearest) > 0.3
+    assert nearest > 0.3
     assert [drone.excluded for drone in flying.state.drones] == [False, True, False]
     np.testing.assert_allclose(flying.drones[RIGHT].pos - flying.drones[1].pos, [-0.4, -0.4, 0.0], atol=0.02)
-    flying.command(Verb.LAND, Phase.LAND)
-    flying.run_until(Phase.GROUND)
+    flying.land()
     assert flying.causes[-1] is Cause.LANDED
     assert accepted(flying, Verb.INCLUDE, "left") == "phase GROUND, shape configured"
 
@@ -189,9 +188,7 @@ def test_who_lands_alone_goes_on_landing_in_a_hold_and_lands_with_all(flying: Fa
     flying.command(Verb.HOLD, Phase.HOLD)
     flying.run(2.0)
     assert flying.drones[LEFT].pos[2] < flying.drones[RIGHT].pos[2] - 0.1
-    flying.command(Verb.LAND, Phase.LAND)
-    flying.run_until(Phase.GROUND)
-    assert not any(drone.armed for drone in flying.drones.values())
+    flying.land()
 
 
 def test_a_formation_that_moves_is_left_beside_its_way() -> None:
@@ -204,13 +201,10 @@ def test_a_formation_that_moves_is_left_beside_its_way() -> None:
     lab.run(5.0)
     first = max(LEFT, RIGHT, key=lambda sysid: lab.drones[sysid].pos[0])
     accepted(lab, Verb.LAND, "left" if first == LEFT else "right")
-    nearest = []
-    for _ in range(1200):
-        lab.step()
-        nearest.append(nearest_m(lab))
+    nearest = nearest_m(lab, 1200)
     assert (lab.phase, lab.drones[first].armed) == (Phase.FORMATION, False)
     assert abs(lab.drones[first].pos[1]) >= 0.29
-    assert min(nearest) > 0.25
+    assert nearest > 0.25
 
 
 @pytest.mark.parametrize(
@@ -240,16 +234,12 @@ def test_all_are_led_home_each_above_where_it_took_off() -> None:
     lab.run(13.0)
     assert lab.drones[1].pos[0] > 0.7
     accepted(lab, Verb.HOME)
-    nearest = []
-    for _ in range(1500):
-        lab.step()
-        nearest.append(nearest_m(lab))
+    nearest = nearest_m(lab, 1500)
     for sysid, drone in lab.drones.items():
         np.testing.assert_allclose(drone.pos[:2], started[sysid][:2], atol=0.03)
-    assert min(nearest) > 0.25
+    assert nearest > 0.25
     assert ("home", "") in lab.reported
-    lab.command(Verb.LAND, Phase.LAND)
-    lab.run_until(Phase.GROUND)
+    lab.land()
     assert lab.state.shape == "column"
 
 

@@ -1,4 +1,4 @@
-""""""
+"""Names that come from outside stay inside a folder; folders and logs are their owners' alone."""
 
 import os
 from pathlib import Path

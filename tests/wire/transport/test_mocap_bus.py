@@ -1,5 +1,4 @@
-"""
-Frames over real Zenoh sessions on loopback, and what is no frame."""
+"""Frames over real Zenoh sessions on loopback, and what is no frame."""
 
 import asyncio
 import os

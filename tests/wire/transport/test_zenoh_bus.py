@@ -1,5 +1,4 @@
-"""From other threads to the event loop.
-The lab's bus over real Zenoh sessions on loopback."""
+"""The lab's bus over real Zenoh sessions on loopback; from other threads to the event loop."""
 
 import asyncio
 import os

@@ -24,7 +24,7 @@ from formation.vehicle.profile import PAPER_40G, VehicleProfile
 from sim.research import host
 from sim.research.gust import GustNumbers, gust_numbers
 from sim.research.host import Host
-from sim.research.mismatch import mismatched
+from sim.research.mismatch import MISMATCHES, off_by
 from sim.research.push import Settling, push_of, settling, share_most
 from sim.scenario import Scenario, flown_by, load
 
@@ -135,7 +135,7 @@ def scenario_of(job: Job) -> Scenario:
         peak = gust_peak_m_s2(job.vehicle) if job.gust_peak_m_s2 is None else job.gust_peak_m_s2
         update["air"] = Disturbance(fan=scenario.air.fan.model_copy(update={"peak_m_s2": peak}))
     flown = scenario.model_copy(update=update)
-    return flown if job.mismatch is None else mismatched(flown, job.mismatch)
+    return flown if job.mismatch is None else off_by(flown, MISMATCHES[job.mismatch])
 
 
 def gust_peak_m_s2(vehicle: VehicleProfile) -> float:

@@ -33,11 +33,6 @@ MISMATCHES: Mapping[str, Mismatch] = MappingProxyType(
 )
 
 
-def mismatched(scenario: Scenario, name: str) -> Scenario:
-    """`off_by` that mismatch; KeyError where there is none of that name."""
-    return off_by(scenario, MISMATCHES[name])
-
-
 def off_by(scenario: Scenario, off: Mismatch) -> Scenario:
     """The scenario with every drone, the cameras' delay and the links off by so much; the lab believes as before."""
     lab = scenario.lab

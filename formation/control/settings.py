@@ -80,7 +80,9 @@ def _observers(leads: bool, commanded_index: int, profile: VehicleProfile, gains
         response=_response(profile, gains),
         nominal_dead_s=profile.response_dead_time_s,
         nominal_lag_s=profile.response_lag_s,
-        delay_shift_most_s=_delay_shift_most_s(profile) if _compensates(gains, leads) else 0.0,
+        delay_shift_most_s=DELAY_SHIFT_MOST * (profile.response_dead_time_s + profile.response_lag_s)
+        if _compensates(gains, leads)
+        else 0.0,
         drag_1_s=np.zeros(3) if seen else profile.drag_1_s,
         thrust_scale_lag_s=gains.thrust_scale_lag_s,
         attitude_trust=gains.attitude_trust,
@@ -97,11 +99,6 @@ def _observers(leads: bool, commanded_index: int, profile: VehicleProfile, gains
 def _compensates(gains: Preset, leads: bool) -> bool:
     """Whether a vehicle's horizontal law does; a leader's always."""
     return leads or gains.compensate
-
-
-def _delay_shift_most_s(profile: VehicleProfile) -> float:
-    """How far the dead time of an attitude's answer may be shifted by what is seen of it."""
-    return DELAY_SHIFT_MOST * (profile.response_dead_time_s + profile.response_lag_s)
 
 
 def _response(profile: VehicleProfile, gains: Preset) -> Response:

@@ -19,19 +19,6 @@ def test_a_lab_may_name_a_vehicle_of_its_own():
     assert [config.profile_of(v).mass_kg for v in config.vehicles] == [0.05, 0.04]
 
 
-def test_an_unknown_profile_is_refused_with_the_known_ones():
-    with pytest.raises(ValidationError, match=r"unknown vehicle profile 'nope'; known: paper_40g, paper_40g_printed"):
-        lab(leader={"body": "a", "profile": "nope"})
-
-
-@pytest.mark.parametrize(
-    ("leader", "named"), [({"body": "b"}, "share a body name"), ({"body": "a", "sysid": 2}, "share a sysid")]
-)
-def test_no_two_vehicles_share_a_name(leader, named):
-    with pytest.raises(ValidationError, match=named):
-        lab(leader=leader)
-
-
 @pytest.mark.parametrize(
     ("leader", "links"),
     [
@@ -51,6 +38,9 @@ def test_the_presets_that_a_lab_may_name_are_those_there_are():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        ({"leader": {"body": "b"}}, "share a body name"),
+        ({"leader": {"body": "a", "sysid": 2}}, "share a sysid"),
+        ({"leader": {"body": "a", "profile": "nope"}}, "unknown vehicle profile 'nope'; known: paper_40g, paper_40g_"),
         ({"mocap": {"q_lab_from_mocap": (1, 1, 0, 0)}}, "its length is 1.414, not 1"),
         ({"mocap": {"q_lab_from_mocap": (0, 0, 0, 0)}}, "its length is 0.000, not 1"),
         ({"leader": {"body": "a", "q_marker_from_flu": (0.72, 0.72, 0, 0)}}, "its length is 1.018, not 1"),

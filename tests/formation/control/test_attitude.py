@@ -160,13 +160,6 @@ def test_a_small_turn_is_left_alone() -> None:
     assert left_of_turn(GRAVITY_M_S2, 0.5) == 0.5
 
 
-def test_height_comes_before_sideways() -> None:
-    force = np.array([20.0, 0.0, 12.0])
-    assert clamp_force(force, 4.0, 15.0, np.radians(70.0)) > 0.0
-    assert force[2] == 12.0
-    assert np.linalg.norm(force) == pytest.approx(15.0)
-
-
 @pytest.mark.parametrize("thrust_scale", [1.0, 0.8])
 def test_the_force_asked_for_carries_weight_and_drag(thrust_scale: float) -> None:
     """u = g(x)^-1 (a - f(x)) of Eq. (7): 0.9 m/s along x and -0.4 m/s down at 1 1/s are 0.9 and -0.4 m/s^2 more."""
@@ -221,9 +214,7 @@ def test_who_is_led_beneath_where_it_stood_lands(kind: int, z_m: float, down: bo
 
 def test_a_preset_counts_on_its_share_of_the_answer() -> None:
     gains = preset("default")
-    lab = LabConfig.model_validate({"name": "lab", "leader": {"body": "lead"}, "followers": [
-        {"body": "a", "sysid": 2, "offset_m": [-1.0, 0.0, 0.0]}]})  # fmt: skip
-    response = observer_settings(lab, (PAPER_40G, PAPER_40G), (gains, gains))[1].response
+    response = observer_settings(LAB, (PAPER_40G, PAPER_40G), (gains, gains))[1].response
     assert response.attitude_dead_s == pytest.approx(gains.dead_share * PAPER_40G.response_dead_time_s)
     assert response.attitude_lag_s == pytest.approx(gains.lag_share * PAPER_40G.response_lag_s)
 

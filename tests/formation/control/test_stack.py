@@ -76,12 +76,11 @@ def test_lands_where_the_fence_ends_at_the_floor() -> None:
     fence = config.limits.fence
     low = (*fence.low_m[:2], 0.0)
     limits = config.limits.model_copy(update={"fence": fence.model_copy(update={"low_m": low})})
-    starts = tuple(hovering_at(PAPER, (x, y, 0.3)) for x, y, _ in ((0.0, 0.0, 0.0), *OFFSETS))
 
     def plan(t_s: float) -> Plan:
         return Plan((Setpoint(Mode.LAB, (None, None, 0.3 if t_s < 0.5 else -0.3)),) * 3, configured(config))
 
-    samples = fly(config.model_copy(update={"limits": limits}), plan, starts, 4.0)
+    samples = fly(config.model_copy(update={"limits": limits}), plan, IN_SLOTS, 4.0)
     assert max(s.pos_lab_m[2] for s in samples[-1].truth) < 0.01
     assert samples[-1].stages.target.thrust_norm.max() < 0.95 * PAPER.hover_thrust_norm
 

@@ -4,7 +4,7 @@ import pytest
 from formation.messages import Phase, Severity
 from formation.safety.phases import AIRBORNE, Trigger
 from formation.safety.rules import Facts, RuleState, Verdict, assess, start
-from formation.safety.rules_table import RULES, Measure, rules_markdown
+from formation.safety.rules_table import RULES, Measure, Own, rules_markdown
 from tests.formation.facts import LIMITS, healthy, of
 
 
@@ -21,6 +21,69 @@ def test_healthy_swarm_is_left_alone_in_every_phase(phase):
     assert verdict.changes == ()
     assert not verdict.release.any()
     assert not verdict.cut.any()
+
+
+FAULTS = {
+    "leader hidden": ({"age_s": of(0, 0.25, 0.0)}, Phase.FORMATION, 0.0, Trigger.HOLD, Own.NOTHING),
+    "body lost": ({"age_s": of(1, 0.45, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.RELEASE),
+    "outside": (
+        {"pos_lab_m": np.array([[0.0, 0, 0.3], [2.6, 0, 0.3], [0, 1, 0.3]])},
+        Phase.HOLD,
+        0.11,
+        Trigger.LAND,
+        Own.NOTHING,
+    ),
+    "far outside": (
+        {"pos_lab_m": np.array([[0.0, 0, 0.3], [3.1, 0, 0.3], [0, 1, 0.3]])},
+        Phase.HOLD,
+        0.21,
+        Trigger.LAND,
+        Own.RELEASE,
+    ),
+    "close": (
+        {"pos_lab_m": np.array([[0.0, 0, 0.3], [0.15, 0, 0.3], [0, 1, 0.3]])},
+        Phase.FORMATION,
+        0.11,
+        Trigger.HOLD,
+        Own.NOTHING,
+    ),
+    "very close": (
+        {"pos_lab_m": np.array([[0.0, 0, 0.3], [0.09, 0, 0.3], [0, 1, 0.3]])},
+        Phase.HOLD,
+        0.11,
+        Trigger.LAND,
+        Own.NOTHING,
+    ),
+    "astray": ({"error_m": of(1, 1.1, 0.0)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
+    "leader astray": ({"error_m": of(0, 0.35, 0.0)}, Phase.FORMATION, 0.11, Trigger.HOLD, Own.NOTHING),
+    "upset": ({"tilt_rad": of(1, 1.5, 0.0)}, Phase.HOLD, 0.31, Trigger.LAND, Own.RELEASE),
+    "stale": ({"setpoint_age_s": of(1, 0.15, 0.0)}, Phase.HOLD, 1.01, Trigger.LAND, Own.RELEASE),
+    "late as it lands": ({"setpoint_age_s": of(1, 0.08, 0.0)}, Phase.LAND, 1.01, None, Own.RELEASE),
+    "silent": ({"silent_s": of(1, 3.1, 0.0)}, Phase.FORMATION, 0.0, Trigger.LAND, Own.NOTHING),
+    "mode lost": ({"offboard": of(1, False, True)}, Phase.FORMATION, 0.51, Trigger.LAND, Own.NOTHING),
+    "disarmed": ({"armed": of(1, False, True)}, Phase.FORMATION, 0.31, Trigger.LAND, Own.NOTHING),
+    "battery empty": ({"battery": of(1, 0.05, np.nan)}, Phase.FORMATION, 1.01, Trigger.LAND, Own.NOTHING),
+    "late": ({"late_share": 0.8}, Phase.FORMATION, 2.01, Trigger.LAND, Own.NOTHING),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_each_fault_is_answered_once_it_has_lasted(name):
+    changes, phase, lasting_s, trigger, own = FAULTS[name]
+    verdict = _after(healthy(**changes), phase, lasting_s)
+    assert verdict.trigger is trigger
+    assert verdict.release.any() == (own is Own.RELEASE)
+    assert verdict.cut.any() == (own is Own.CUT)
+
+
+@pytest.mark.parametrize("name", [n for n, (_, _, lasting, _, _) in FAULTS.items() if lasting > 0.1])
+def test_a_fault_that_does_not_last_is_let_pass(name):
+    changes, phase, lasting_s, _, _ = FAULTS[name]
+    assert _after(healthy(**changes), phase, 0.05).trigger is None
+    state, _ = assess(start(3), healthy(**changes), phase, LIMITS, 0)
+    state, _ = assess(state, healthy(), phase, LIMITS, 10_000_000)
+    _, verdict = assess(state, healthy(**changes), phase, LIMITS, round(lasting_s * 1e9))
+    assert verdict.trigger is None
 
 
 def test_an_observed_leader_that_is_lost_is_waited_for_in_hold_and_landed_without():

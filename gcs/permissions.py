@@ -162,8 +162,8 @@ def autopilots_ready(now: Situation) -> Iterator[Reject]:
 
 def autopilot_reasons(link: DroneLink) -> Iterator[Reject]:
     """Every reason of one drone's link and parameters against flying it; the rules are the autopilot model's."""
-    if link.telemetry.foreign_sysid is not None:
-        yield Reason.FOREIGN_DRONE.of(link.name, link.telemetry.foreign_sysid, link.sysid)
+    if link.foreign_sysid is not None:
+        yield Reason.FOREIGN_DRONE.of(link.name, link.foreign_sysid, link.sysid)
     if link.telemetry.heartbeat is None:
         return  # `bodies_ready` reports a missing heartbeat
     if link.model is None:

@@ -9,7 +9,7 @@ from collections import deque
 from typing import NamedTuple
 
 from formation.config import VehicleBody
-from formation.messages import FORCE_MOST_M_S2, Severity
+from formation.messages import FORCE_MOST_M_S2, Event, Severity
 from formation.model import Vec3Tuple
 from formation.safety.rules_table import SILENT_S
 from formation.vehicle.body import GRAVITY_M_S2
@@ -140,6 +140,16 @@ class DroneLink:
     def answers_other_ground(self, now_ns: int) -> bool:
         """Whether it was lately heard to answer another ground than this."""
         return now_ns - self.telemetry.other_ground_ns < round(SILENT_S * 1e9)
+
+    @property
+    def events(self) -> list[Event]:
+        """The events about it that are not handed on yet."""
+        return self.reports.events
+
+    @property
+    def foreign_sysid(self) -> int | None:
+        """The system id of another drone that speaks on its link; None where there is none."""
+        return self.telemetry.foreign_sysid
 
     @property
     def piloted(self) -> bool:

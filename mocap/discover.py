@@ -29,6 +29,7 @@ COOKIE = b"vrpn: ver. "
 
 _QTM_HEADER = Struct("<II")
 _QTM_PORT = Struct(">H")
+QTM_COMMAND, QTM_DISCOVER = 1, 7
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -73,7 +74,7 @@ def natnet_finding(data: bytes, address: str) -> Finding | None:
 
 def qtm_request(answer_port: int) -> bytes:
     """The QTM servers that answer to that UDP port of ours."""
-    return _QTM_HEADER.pack(_QTM_HEADER.size + _QTM_PORT.size, 7) + _QTM_PORT.pack(answer_port)
+    return _QTM_HEADER.pack(_QTM_HEADER.size + _QTM_PORT.size, QTM_DISCOVER) + _QTM_PORT.pack(answer_port)
 
 
 def qtm_finding(data: bytes, address: str) -> Finding | None:
@@ -81,7 +82,7 @@ def qtm_finding(data: bytes, address: str) -> Finding | None:
     if len(data) < _QTM_HEADER.size + 1 + _QTM_PORT.size:
         return None
     size, kind = _QTM_HEADER.unpack_from(data)
-    if size != len(data) or kind != 1:  # a command
+    if size != len(data) or kind != QTM_COMMAND:
         return None
     (port,) = _QTM_PORT.unpack_from(data, size - _QTM_PORT.size)
     text = data[_QTM_HEADER.size : size - _QTM_PORT.size].partition(b"\0")[0].decode("utf-8", "replace")

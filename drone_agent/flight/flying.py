@@ -12,6 +12,13 @@ from formation.vehicle.profile import VehicleProfile
 _LANDINGS = (Task.LAND, Task.DESCEND)
 _STOP_S = 0.3  # a hold's place is where the present speed would come to rest
 _LEAD_M = 0.4  # how far the height asked for may run ahead of the vehicle
+_ARRIVED_M = 0.08
+_RISE_M, _RISE_M_S = 0.1, 0.1
+_TOUCH_CLIMB_M_S = 0.12
+_TOUCH_S = 0.3
+_CARRIED_S = 1.0  # what the floor carries for this long stands on it, whatever the estimate says
+_CUT_1_S = 3.0  # after touch-down the thrust fades in a third of a second
+_LATE_S, _LATE_M_S2, _LATE_MAX_M_S = 3.0, 0.3, 0.7  # a landing that takes this much too long sinks faster and faster
 
 
 class Pilot:
@@ -83,14 +90,14 @@ class Pilot:
         if self._attitude is not None:
             return self._climb_m_s > 0.0
         if self._velocity is not None:
-            return self._velocity[2] > 0.1
-        return self.task is Task.TAKEOFF or self._goal_m > self._height_m + 0.1
+            return self._velocity[2] > _RISE_M_S
+        return self.task is Task.TAKEOFF or self._goal_m > self._height_m + _RISE_M
 
     def arrived(self, belief: Belief) -> bool:
         """Whether a take-off has reached its height, or a return its place."""
         if self.task is Task.RETURN:
             return all(abs(p - h) < 0.15 for p, h in zip(belief.pos_lab_m, self._home, strict=False))
-        return abs(self._goal_m - belief.pos_lab_m[2]) < 0.08
+        return abs(self._goal_m - belief.pos_lab_m[2]) < _ARRIVED_M
 
     def idle(self) -> LoopSetpoint:
         """Level with the motors at rest: armed on the ground."""
@@ -138,28 +145,24 @@ class Pilot:
     def _sink_m_s(self, belief: Belief, timing: Timing, dt_s: float) -> float:
         """How fast to come down: by the autopilot's own parameter.
 
-        Every landing ends: one that has taken 3 s longer than its height says has an estimate that is wrong, and sinks
-        faster and faster.
+        Every landing ends: one that has taken longer than its height says has an estimate that is wrong.
         """
         height_m = belief.pos_lab_m[2] - self._rest_m
         if self._due_s == 0.0:
-            self._due_s = max(height_m, 0.0) / timing.land_m_s + 3.0
+            self._due_s = max(height_m, 0.0) / timing.land_m_s + _LATE_S
         self._sinking_s += dt_s
         late_s = self._sinking_s - self._due_s
         if late_s > 0.0:
-            return timing.land_m_s + min(0.3 * late_s, 0.7)
+            return timing.land_m_s + min(_LATE_M_S2 * late_s, _LATE_MAX_M_S)
         return timing.land_m_s
 
     def _touch_down(self, setpoint: LoopSetpoint, belief: Belief, carried: bool, dt_s: float) -> LoopSetpoint:
-        """On the floor, which carries it, the descent stops though it is still asked for: then fade the thrust out.
-
-        In a third of a second. What is carried for a second stands, whatever the estimate says.
-        """
-        still = abs(belief.vel_lab_m_s[2]) < 0.12
+        """On the floor, which carries it, the descent stops though it is still asked for: then fade the thrust out."""
+        still = abs(belief.vel_lab_m_s[2]) < _TOUCH_CLIMB_M_S
         self._touch_s = self._touch_s + dt_s if still and carried else 0.0
         self._carried_s = self._carried_s + dt_s if carried else 0.0
-        if self._touch_s > 0.3 or self._carried_s > 1.0:
-            self._thrust = max(self._thrust - 3.0 * dt_s, 0.0)
+        if self._touch_s > _TOUCH_S or self._carried_s > _CARRIED_S:
+            self._thrust = max(self._thrust - _CUT_1_S * dt_s, 0.0)
         else:
             self._thrust = 1.0
         return LoopSetpoint(setpoint.q_lab_from_flu, setpoint.rate_flu_rad_s, self._thrust * setpoint.thrust_norm)

@@ -4,6 +4,7 @@ from formation.vehicle.body import GRAVITY_M_S2
 
 _STILL_UP_M_S, _STILL_SIDE_M_S = 0.15, 0.5
 _LOW_THRUST, _LIFT_THRUST = 0.7, 0.9
+_SETTLE_NS = 400_000_000
 _CLIMB_M_S, _HEIGHT_M = 0.1, 0.05
 _CARRIED_M_S2, _LIFT_LEAST_M_S2 = 0.15 * GRAVITY_M_S2, 0.5 * GRAVITY_M_S2
 _SCALE_GAIN, _SCALE_LEAST, _SCALE_MOST = 0.05, 0.4, 2.5
@@ -71,7 +72,7 @@ class LandDetector:
             return False
         if self._quiet_since_ns is None:
             self._quiet_since_ns = now_ns
-        if now_ns - self._quiet_since_ns >= 400_000_000:
+        if now_ns - self._quiet_since_ns >= _SETTLE_NS:
             self.landed = True
             self._ground_m = height_m
             return True

@@ -100,6 +100,9 @@ SETS_MODE = frozenset(
 
 _ROWS = {row.number: row for row in ALLOWED}
 _COMMANDS = {row.number: row for row in ALLOWED_COMMANDS}
+_COMMAND_AT, _ACTION, _FORCE = slice(28, 30), slice(0, 4), slice(4, 8)
+"""Of a command's payload: its number; of an arming what to do, and the number that forces it."""
+_LONGEST = 255
 
 
 def reject_reason(version: int, number: int, payload: bytes, sysid: int, *, armed: bool) -> str:
@@ -116,7 +119,7 @@ def reject_reason(version: int, number: int, payload: bytes, sysid: int, *, arme
         return ARMED
     if row.target_at is None:
         return ""
-    whole = payload.ljust(255, b"\0")
+    whole = payload.ljust(_LONGEST, b"\0")
     if whole[row.target_at] != sysid:
         return OTHER_SYSTEM
     return (
@@ -125,13 +128,13 @@ def reject_reason(version: int, number: int, payload: bytes, sysid: int, *, arme
 
 
 def _command_reject_reason(payload: bytes, *, armed: bool) -> str:
-    command = int.from_bytes(payload[28:30], "little")
+    command = int.from_bytes(payload[_COMMAND_AT], "little")
     row = _COMMANDS.get(command)
     if row is None:
         return UNLISTED_COMMAND
     if armed and row.when is MotorState.DISARMED:
         return ARMED
-    forces_arming = any(payload[0:4]) and any(payload[4:8])  # what to do, and the number that forces it
+    forces_arming = any(payload[_ACTION]) and any(payload[_FORCE])
     return PAST_CHECKS if command == MavCommand.COMPONENT_ARM_DISARM and forces_arming else ""
 
 

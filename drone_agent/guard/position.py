@@ -149,7 +149,9 @@ def warm_up() -> None:
 _TILT_ACC_MAX_M_S2 = 0.5
 _TILT_AVERAGED_S = 0.25
 _STOP_S = 0.4  # its place is where the present speed would come to rest
+_SINK_M_S, _TOUCH_M_S, _SINK_S = 0.7, 0.27, 0.8  # PX4's MPC_LAND_SPEED; near the floor its height in so many seconds
 _THRUST_LEAST = 0.85  # of what carries it, coming down: what stands in the air by a wrong pose must not fall
+_OPEN_LOOP_THRUST, _OPEN_LOOP_S, _OPEN_LOOP_FADE_1_S = 0.95, 3.0, 0.3  # 1.5 m in 2.5 s, down at 1.2 m/s
 _STILL_M = 0.05
 """A body at rest keeps within: by its place, since without an IMU the estimated velocity of a body at rest is noise."""
 _STANDS_M, _STANDS_NS = 0.01, 500_000_000
@@ -248,9 +250,8 @@ class BodyHold:
         return flown
 
     def _sink_m_s(self, z_m: float) -> float:
-        """How fast to sink at that height: PX4's MPC_LAND_SPEED; near the floor, and wherever that is not known, its
-        height in 0.8 s."""
-        return min(0.7, max(0.27, (z_m - self._floor_m) / 0.8))
+        """How fast to sink at that height: slower near the floor, and wherever the floor is not known."""
+        return min(_SINK_M_S, max(_TOUCH_M_S, (z_m - self._floor_m) / _SINK_S))
 
     def descend_open_loop(self, dt_s: float) -> LoopSetpoint:
         """Down by attitude and thrust alone: level, a little less than what carries it, and none in the end."""
@@ -265,8 +266,7 @@ class BodyHold:
         return self._sink_norm
 
     def _open_loop_share(self) -> float:
-        """Of the thrust that carries it, fading after 3 s: 1.5 m in 2.5 s, down at 1.2 m/s."""
-        return max(0.95 - 0.3 * max(self._open_loop_s - 3.0, 0.0), 0.0)
+        return max(_OPEN_LOOP_THRUST - _OPEN_LOOP_FADE_1_S * max(self._open_loop_s - _OPEN_LOOP_S, 0.0), 0.0)
 
     def _thrust_of(self, force_m_s2: float) -> float:
         return min(max(self._hover_norm * force_m_s2 / GRAVITY_M_S2, 0.0), 1.0)

@@ -38,6 +38,7 @@ UNKNOWN_COVARIANCE = (math.nan, *(0.0,) * 20)
 _ACCELEROMETER, _GYROSCOPE = 0x07, 0x38
 """Bits of HIGHRES_IMU_UPDATED_FLAGS."""
 _HEADING_UNKNOWN, _NO_CELL = 65535, 65535
+_MOST_16, _MOST_32 = 2**15 - 1, 2**31 - 1
 _NO_ATTITUDE, _NO_THRUST = int(Ignore.ATTITUDE), int(Ignore.THRUST)  # plain, for every packet
 _PARAM_NAME = re.compile(r"[A-Za-z0-9_]{1,16}")
 
@@ -160,12 +161,12 @@ def _param_name(field: bytes) -> str:
 
 def _mm(metres: float) -> int:
     """Millimetres in 32 bits, held at their ends."""
-    return min(max(round(metres * 1e3), -(2**31) + 1), 2**31 - 1)
+    return min(max(round(metres * 1e3), -_MOST_32), _MOST_32)
 
 
 def _cm_s(vel_lab_m_s: Vec3) -> list[int]:
     """North, east, down in 16 bits: what is faster than 327 m/s reads as 327 m/s, as autopilots send it."""
-    return [min(max(round(v * 100.0), -32767), 32767) for v in ned(vel_lab_m_s)]
+    return [min(max(round(v * 100.0), -_MOST_16), _MOST_16) for v in ned(vel_lab_m_s)]
 
 
 def _heading(heading_rad: float | None) -> int:

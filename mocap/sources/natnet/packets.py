@@ -231,6 +231,7 @@ class FrameFlag(IntFlag):
     VERSION_CHANGED = 0x08
 
 
+MARKER_BYTES, POINT_BYTES, VALUE_BYTES = 26, 12, 4
 _NUMBER = Struct("<i")
 _SUFFIX = Struct("<2Id3QhI")
 """Timecode and its sub-frame, time stamp, mid-exposure, data received, transmit, params, end of data."""
@@ -276,22 +277,24 @@ def _sections_by_bytes(reader: Reader) -> tuple[int, int]:
 def _sections_by_counts(reader: Reader) -> tuple[int, int]:
     for _ in range(reader.count(5, "marker sets")):
         reader.text("marker set name")
-        reader.rows(12, "marker set")
-    reader.rows(12, "other markers")
+        reader.rows(POINT_BYTES, "marker set")
+    reader.rows(POINT_BYTES, "other markers")
     bodies = reader.rows(BODY.itemsize, "rigid bodies")
     for _ in range(reader.count(8, "skeletons")):
         reader.skip(4, "skeletons")
         reader.rows(BODY.itemsize, "bones")
-    reader.rows(26, "markers")
+    reader.rows(MARKER_BYTES, "markers")
     for what in ("force plates", "devices"):
         for _ in range(reader.count(8, what)):
             reader.skip(4, what)
             for _ in range(reader.count(4, what)):
-                reader.rows(4, what)
+                reader.rows(VALUE_BYTES, what)
     return bodies
 
 
 RIGID_BODY = 1
+MARKER_NAMES, ROTATION = (4, 0), (4, 2)
+"""The first versions to describe a body with them."""
 
 _INT = Struct("<i")
 _PLATE_BYTES = 4 * (2 + 3 + 12 * 12 + 4 * 3 + 2)
@@ -331,9 +334,9 @@ def _named(reader: Reader, names: Named) -> None:
 def _rigid_body(reader: Reader, version: Version, names: Named) -> None:
     """Name, id; then parent, offset, rotation, and of each marker position, active label, name."""
     _named(reader, names)
-    reader.skip(16 + 16 * (version >= (4, 2)), "rigid body")
+    reader.skip(16 + 16 * (version >= ROTATION), "rigid body")
     markers, _ = reader.rows(16, "rigid body's markers")
-    if version >= (4, 0):
+    if version >= MARKER_NAMES:
         _texts(reader, markers, "rigid body's marker name")
 
 

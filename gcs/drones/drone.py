@@ -70,7 +70,7 @@ class Drone:
     @property
     def led_to(self) -> Setpoint:
         """Its setpoint for the control: none without setpoints."""
-        return self.setpoint if ROWS[self.stage].streams and not self.excluded else IDLE
+        return self.setpoint if self.flown else IDLE
 
     @property
     def piloted(self) -> bool:

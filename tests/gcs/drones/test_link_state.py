@@ -61,12 +61,12 @@ def test_an_autopilot_that_was_gone_for_three_heartbeats_is_asked_for_everything
     assert before
     tell(link, {"MPC_THR_HOVER": 0.45}, MavAutopilot.PX4)
     drone.say(link, beat(), 1000 * MS)
-    assert [event.text for event in link.reports.events] == ["drone 3 is here, PX4"]
+    assert [event.text for event in link.events] == ["drone 3 is here, PX4"]
     assert not any(isinstance(m, CommandLong) for m in _asked(link, drone, 1000))
     drone.say(link, beat(), 4000 * MS)  # ArduCopter's SITL restarts in about two seconds
     assert [m for m in _asked(link, drone, 4000) if isinstance(m, CommandLong)] == before
     assert math.isclose(link.hover_thrust_norm, 0.45, rel_tol=1e-6)
-    assert [event.text for event in link.reports.events].count("drone 3 is here, PX4") == 2
+    assert [event.text for event in link.events].count("drone 3 is here, PX4") == 2
 
 
 @pytest.mark.parametrize(
@@ -93,9 +93,7 @@ def test_another_component_is_not_the_autopilot_and_another_system_is_reported()
     Drone(sysid=9).say(link, beat(armed=True))
     assert link.telemetry.heartbeat is None
     assert link.telemetry.foreign_sysid == 9
-    assert [(e.severity, e.text) for e in link.reports.events] == [
-        (Severity.ERROR, "drone 9 answers on the link of drone 3")
-    ]
+    assert [(e.severity, e.text) for e in link.events] == [(Severity.ERROR, "drone 9 answers on the link of drone 3")]
 
 
 def test_telemetry_is_kept_and_texts_become_events_in_the_drones_name():
@@ -107,7 +105,7 @@ def test_telemetry_is_kept_and_texts_become_events_in_the_drones_name():
     assert math.isclose(link.telemetry.battery, 0.5)
     assert math.isclose(link.telemetry.battery_v, 3.9, rel_tol=1e-3)
     drone.say(link, StatusText(Severity.CRITICAL, "Disarming denied: not landed"))
-    assert [(e.severity, e.source, e.text) for e in link.reports.events] == [
+    assert [(e.severity, e.source, e.text) for e in link.events] == [
         (Severity.CRITICAL, "left", "Disarming denied: not landed")
     ]
     assert list(link.reports.texts) == ["Disarming denied: not landed"]
@@ -124,7 +122,7 @@ def test_the_bridge_beside_an_autopilot_gets_our_clock_at_once_and_is_heard():
     bridge.say(link, NamedValue(0, "age_ms", 12.5))
     assert math.isclose(link.telemetry.setpoint_age_s, 0.0125)
     bridge.say(link, StatusText(Severity.WARNING, "Setpoints are stale: level and hold"))
-    assert [event.text for event in link.reports.events] == ["Setpoints are stale: level and hold"]
+    assert [event.text for event in link.events] == ["Setpoints are stale: level and hold"]
     bridge.say(link, beat(armed=True))
     assert link.telemetry.heartbeat is None
     assert link.sequence.received == 0
@@ -234,13 +232,11 @@ def test_a_missing_imu_stream_is_reported_once_and_its_return_too():
         drone.say(link, beat(), second * 1000 * MS)
         asked = next((m for m in link.due(second * 1000 * MS) if isinstance(m, TimeSync)), None)
     assert asked is not None
-    assert [event.text for event in link.reports.events[1:]] == [
-        "sends no HIGHRES_IMU that was asked for: flown without"
-    ]
+    assert [event.text for event in link.events[1:]] == ["sends no HIGHRES_IMU that was asked for: flown without"]
     drone.say(link, TimeSync(5001 * MS, asked.ts1_ns, GROUND), 5001 * MS)
     drone.say(link, InertialSample(5_900_000, np.array([0.0, 0.0, 9.8]), np.zeros(3)), 5900 * MS)
     drone.say(link, beat(), 6000 * MS)
-    assert [event.text for event in link.reports.events[2:]] == ["sends HIGHRES_IMU"]
+    assert [event.text for event in link.events[2:]] == ["sends HIGHRES_IMU"]
 
 
 def test_a_drone_with_too_much_to_say_is_heard_in_part_and_counted():

@@ -154,7 +154,7 @@ def motion_at(context: LawContext, n: int, to_ns: int, out: Float, force: Float)
     else:
         turned, swung, swept = decaying(h, observer.tilt_decay_1_s)
         for axis in range(3):
-            turn = z.force_rate_lab_m_s3[axis]
+            turn = z.observed.force_rate_lab_m_s3[axis]
             speed[axis], travel[axis] = force[axis] * h + turn * swung, 0.5 * force[axis] * h * h + turn * swept
             force[axis] += turn * turned
     scale = z.thrust_scale
@@ -172,8 +172,8 @@ def motion_at(context: LawContext, n: int, to_ns: int, out: Float, force: Float)
         out[1, axis] = z.vel_lab_m_s[axis] + scale * speed[axis] + h * steady + swung * rate - drag * moved
         out[2, axis] = scale * force[axis] + steady + risen * rate - drag * out[1, axis]
     turning = z.motion[2, 3]
-    out[0, 3] = z.yaw_rad + h * z.yaw_rate_rad_s + 0.5 * h * h * turning
-    out[1, 3] = z.yaw_rate_rad_s + h * turning
+    out[0, 3] = z.heading.yaw_rad + h * z.heading.rate_rad_s + 0.5 * h * h * turning
+    out[1, 3] = z.heading.rate_rad_s + h * turning
     out[2, 3] = turning
 
 

@@ -157,7 +157,7 @@ class ControlStack:
             return
         estimates, law = copied(self._memory.estimates), copied(self._memory.law)
         for i in bodies:
-            estimates[i].seen_ns = NEVER_NS
+            estimates[i].seen.t_ns = NEVER_NS
         for commanded_index in np.flatnonzero(np.isin(self._commanded, list(bodies))).tolist():
             law[commanded_index] = no_memory(1)[0]
         self._memory = replace(self._memory, estimates=estimates, law=law)

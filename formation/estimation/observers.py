@@ -50,7 +50,7 @@ import numpy as np
 
 from formation.estimation.response import SECONDS
 from formation.estimation.settings import ObserverGains, ObserverSettings, Parallel
-from formation.estimation.state import VehicleEstimate
+from formation.estimation.state import FastObserver, VehicleEstimate
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import heading_of, rotate_into
@@ -109,25 +109,26 @@ def wrapped(angle: float) -> float:
 @kernel
 def learn_noise(z: VehicleEstimate, to_ns: int, pos_lab_m: Float) -> None:
     """Learns the variances of the measured position and heading from what smooth motion cannot explain."""
-    span_s = (to_ns - z.recent_ns[0]) * SECONDS
-    yaw_rad = z.yaw_rad + wrapped(heading_of(z.q_lab_from_flu) - z.yaw_rad)
+    noise = z.noise
+    span_s = (to_ns - noise.recent_ns[0]) * SECONDS
+    yaw_rad = z.heading.yaw_rad + wrapped(heading_of(z.q_lab_from_flu) - z.heading.yaw_rad)
     if span_s < NOISE_SPAN_S:
         times = np.zeros(3)
         for k in range(3):
-            times[k] = (z.recent_ns[k] - to_ns) * SECONDS
+            times[k] = (noise.recent_ns[k] - to_ns) * SECONDS
         square, gain = 0.0, 1.0
         for axis in range(3):
-            error, gain = extrapolation_error(times, z.recent_m[:, axis], 0.0, pos_lab_m[axis])
+            error, gain = extrapolation_error(times, noise.recent_m[:, axis], 0.0, pos_lab_m[axis])
             square += error * error / gain
-        error, gain = extrapolation_error(times, z.recent_yaw_rad, 0.0, yaw_rad)
+        error, gain = extrapolation_error(times, noise.recent_yaw_rad, 0.0, yaw_rad)
         share = min(span_s / (3.0 * NOISE_LAG_S), 1.0)
-        z.noise_var_m2 = learned(z.noise_var_m2, square / 3.0, share, NOISE_LEAST_M)
-        z.yaw_noise_var_rad2 = learned(z.yaw_noise_var_rad2, error * error / gain, share, NOISE_LEAST_RAD)
+        noise.var_m2 = learned(noise.var_m2, square / 3.0, share, NOISE_LEAST_M)
+        noise.yaw_var_rad2 = learned(noise.yaw_var_rad2, error * error / gain, share, NOISE_LEAST_RAD)
     for k in range(3):
-        z.recent_ns[k] = z.recent_ns[k + 1] if k < 2 else to_ns
-        z.recent_yaw_rad[k] = z.recent_yaw_rad[k + 1] if k < 2 else yaw_rad
+        noise.recent_ns[k] = noise.recent_ns[k + 1] if k < 2 else to_ns
+        noise.recent_yaw_rad[k] = noise.recent_yaw_rad[k + 1] if k < 2 else yaw_rad
         for axis in range(3):
-            z.recent_m[k, axis] = z.recent_m[k + 1, axis] if k < 2 else pos_lab_m[axis]
+            noise.recent_m[k, axis] = noise.recent_m[k + 1, axis] if k < 2 else pos_lab_m[axis]
 
 
 @kernel
@@ -151,7 +152,7 @@ def adapt(z: VehicleEstimate, pos_lab_m: Float, model: Float, dt_s: float, setti
     for axis in range(3):
         innovation = filter_innovation(z, axis, pos_lab_m[axis], model[axis], dt_s, share)
         square += innovation * innovation
-    noise = adaptation.threshold * adaptation.threshold * z.noise_var_m2 * dt_s / (2.0 * adaptation.lag_s + dt_s)
+    noise = adaptation.threshold * adaptation.threshold * z.noise.var_m2 * dt_s / (2.0 * adaptation.lag_s + dt_s)
     z.adaptive_gain = adaptive_gain(sqrt(square), sqrt(noise), adaptation.most)
 
 
@@ -162,7 +163,7 @@ def height_gain(z: VehicleEstimate, measured_m: float, model_m_s2: float, dt_s: 
     1 while the model explains the height; the filtered innovation over what it may be, at most HEIGHT_MOST.
     """
     innovation_m = filter_innovation(z, 2, measured_m, model_m_s2, dt_s, 1.0 - exp(-dt_s / HEIGHT_LAG_S))
-    noise_m = HEIGHT_SIGMAS * sqrt(z.noise_var_m2 * dt_s / (2.0 * HEIGHT_LAG_S + dt_s))
+    noise_m = HEIGHT_SIGMAS * sqrt(z.noise.var_m2 * dt_s / (2.0 * HEIGHT_LAG_S + dt_s))
     gain: float = min(max(abs(innovation_m) / max(HEIGHT_M, noise_m), 1.0), HEIGHT_MOST)
     return gain
 
@@ -181,7 +182,8 @@ def receive_inertial(z: VehicleEstimate, q_before: Float, force_flu_m_s2: Float,
     q_before (4): attitude when the step began; force_flu_m_s2 (3): mean specific force over it, NaN where it was not
     measured; drag_1_s (3): see ObserverSettings.
     """
-    z.inertial_ratio *= exp(-dt_s / INERTIAL_HOLD_S)
+    inertial, pair = z.inertial, z.fast
+    inertial.ratio *= exp(-dt_s / INERTIAL_HOLD_S)
     if not np.isfinite(force_flu_m_s2[0] + force_flu_m_s2[1] + force_flu_m_s2[2]):
         return
     across, first, last, innovation = force_flu_m_s2.copy(), np.empty(3), np.empty(3), np.empty(2)
@@ -190,22 +192,22 @@ def receive_inertial(z: VehicleEstimate, q_before: Float, force_flu_m_s2: Float,
     rotate_into(z.q_lab_from_flu, across, last)
     square = 0.0
     for axis in range(2):
-        slow = z.dist_lab_m_s2[axis] - z.fast_weight * z.fast_minus_slow[2, axis]
+        slow = z.dist_lab_m_s2[axis] - pair.weight * pair.minus_slow[2, axis]
         drag = drag_1_s[axis] * z.vel_lab_m_s[axis]
-        push = 0.5 * (first[axis] + last[axis]) + drag - z.inertial_bias_m_s2[axis]
+        push = 0.5 * (first[axis] + last[axis]) + drag - inertial.bias_m_s2[axis]
         innovation[axis] = min(max(push, -PUSH_MOST_M_S2), PUSH_MOST_M_S2) - slow
         square += innovation[axis] * innovation[axis]
-    z.inertial_ratio = max(z.inertial_ratio, square / (INERTIAL_SIGMAS * INERTIAL_SIGMAS * z.inertial_var_m2_s4))
-    fast_weight = blending_weight(z.inertial_ratio)
+    inertial.ratio = max(inertial.ratio, square / (INERTIAL_SIGMAS * INERTIAL_SIGMAS * inertial.var_m2_s4))
+    weight = blending_weight(inertial.ratio)
     share = 1.0 - exp(-dt_s / INERTIAL_LAG_S)
     for axis in range(2):
-        z.inertial_bias_m_s2[axis] += share * (1.0 - (1.0 - BIAS_SHARE) * fast_weight) * innovation[axis]
-        change = fast_weight * (innovation[axis] - z.fast_minus_slow[2, axis])
-        z.fast_minus_slow[2, axis] += change
-        z.dist_lab_m_s2[axis] += z.fast_weight * change
-    var = z.inertial_var_m2_s4 + (1.0 - fast_weight) * share * (0.5 * square - z.inertial_var_m2_s4)
+        inertial.bias_m_s2[axis] += share * (1.0 - (1.0 - BIAS_SHARE) * weight) * innovation[axis]
+        change = weight * (innovation[axis] - pair.minus_slow[2, axis])
+        pair.minus_slow[2, axis] += change
+        z.dist_lab_m_s2[axis] += pair.weight * change
+    var = inertial.var_m2_s4 + (1.0 - weight) * share * (0.5 * square - inertial.var_m2_s4)
     least, most = ACCEL_NOISE_M_S2
-    z.inertial_var_m2_s4 = min(max(var, least * least), most * most)
+    inertial.var_m2_s4 = min(max(var, least * least), most * most)
 
 
 @kernel
@@ -243,19 +245,19 @@ def step_both(
 
 
 @kernel
-def count_reversals(z: VehicleEstimate, axis: int, ratio: float, time_constants: float) -> None:
+def count_reversals(pair: FastObserver, axis: int, ratio: float, time_constants: float) -> None:
     """Counts how often the positions of both observers have changed sides of late, along one axis.
 
     ratio: fast less slow, over what noise makes of it; time_constants: of the fast observer, passed since the last
     call. What is older fades with REMEMBERED of them: a slow vehicle, whose observers are slower, swings more slowly.
     """
     fade = exp(-time_constants / REMEMBERED)
-    z.push_sign[axis] *= fade
-    z.reversals[axis] *= fade
+    pair.push_sign[axis] *= fade
+    pair.reversals[axis] *= fade
     if abs(ratio) > SIGN_LEAST:
         sign = 1.0 if ratio > 0.0 else -1.0
-        z.reversals[axis] += max(-sign * z.push_sign[axis], 0.0)
-        z.push_sign[axis] = sign
+        pair.reversals[axis] += max(-sign * pair.push_sign[axis], 0.0)
+        pair.push_sign[axis] = sign
 
 
 @kernel
@@ -268,31 +270,29 @@ def observe_parallel(
     measured, model (3): position and modelled acceleration; slowed: factor on both bandwidths. z keeps the estimate
     and how far the fast observer is from the slow one, so that what is moved in the estimate is moved in both.
     """
-    estimate, most = np.empty(3), np.empty(3)
+    estimate, most, pair = np.empty(3), np.empty(3), z.fast
     w_slow, w_fast = slowed * slow.bandwidth_rad_s, slowed * parallel.bandwidth_rad_s
-    noise_thresholds(sqrt(z.noise_var_m2), w_fast, dt_s, parallel, most)
+    noise_thresholds(sqrt(z.noise.var_m2), w_fast, dt_s, parallel, most)
     square = np.zeros(3)
-    fast_weight = z.fast_weight
+    weight = pair.weight
     for axis in range(2):
         estimate[0], estimate[1], estimate[2] = z.pos_lab_m[axis], z.vel_lab_m_s[axis], z.dist_lab_m_s2[axis]
-        step_both(
-            estimate, z.fast_minus_slow[:, axis], fast_weight, model[axis], measured[axis], dt_s, w_slow, w_fast, slow
-        )
+        step_both(estimate, pair.minus_slow[:, axis], weight, model[axis], measured[axis], dt_s, w_slow, w_fast, slow)
         z.pos_lab_m[axis], z.vel_lab_m_s[axis], z.dist_lab_m_s2[axis] = estimate[0], estimate[1], estimate[2]
         for order in range(3):
-            square[order] += z.fast_minus_slow[order, axis] * z.fast_minus_slow[order, axis]
-    ratio = z.inertial_ratio
+            square[order] += pair.minus_slow[order, axis] * pair.minus_slow[order, axis]
+    ratio = z.inertial.ratio
     for order in range(3):
         ratio = max(ratio, sqrt(square[order]) / most[order])
     for axis in range(2):
-        count_reversals(z, axis, z.fast_minus_slow[0, axis] / most[0], dt_s * parallel.bandwidth_rad_s)
-    swing = max(z.reversals[0], z.reversals[1]) / REVERSALS
-    z.fast_weight = blending_weight(ratio) * (1.0 - blending_weight(swing * swing))
-    z.adaptive_gain = 1.0 + z.fast_weight * (parallel.urgency - 1.0)
+        count_reversals(pair, axis, pair.minus_slow[0, axis] / most[0], dt_s * parallel.bandwidth_rad_s)
+    swing = max(pair.reversals[0], pair.reversals[1]) / REVERSALS
+    pair.weight = blending_weight(ratio) * (1.0 - blending_weight(swing * swing))
+    z.adaptive_gain = 1.0 + pair.weight * (parallel.urgency - 1.0)
     for axis in range(2):
-        z.pos_lab_m[axis] += z.fast_weight * z.fast_minus_slow[0, axis]
-        z.vel_lab_m_s[axis] += z.fast_weight * z.fast_minus_slow[1, axis]
-        z.dist_lab_m_s2[axis] += z.fast_weight * z.fast_minus_slow[2, axis]
+        z.pos_lab_m[axis] += pair.weight * pair.minus_slow[0, axis]
+        z.vel_lab_m_s[axis] += pair.weight * pair.minus_slow[1, axis]
+        z.dist_lab_m_s2[axis] += pair.weight * pair.minus_slow[2, axis]
 
 
 @kernel
@@ -309,8 +309,8 @@ def disturbance_rate(z: VehicleEstimate, axis: int, settings: ObserverSettings) 
 
     It counts for a push that comes out of calm. One that has changed sides of late may be a swing, which it would feed.
     """
-    reversals = z.reversals[axis] / RATE_REVERSALS
-    weight = z.fast_weight * (1.0 - blending_weight(reversals * reversals))
+    reversals = z.fast.reversals[axis] / RATE_REVERSALS
+    weight = z.fast.weight * (1.0 - blending_weight(reversals * reversals))
     lag_1_s = settings.parallel.bandwidth_rad_s / RATE_LAG
     rate: float = weight * lag_1_s * (z.dist_lab_m_s2[axis] - z.dist_late_lab_m_s2[axis])
     return rate
@@ -322,30 +322,30 @@ def observe_heading(z: VehicleEstimate, seen: bool, dt_s: float, settings: Obser
 
     Where a second, fast one is beside it (formation.estimation.observers), the estimate is between them.
     """
-    psi, rate, dist = z.yaw_rad, z.yaw_rate_rad_s, z.yaw_dist_rad_s2
-    turn = z.yaw_acc_command_rad_s2
+    heading = z.heading
+    psi, rate, dist, turn = heading.yaw_rad, heading.rate_rad_s, heading.dist_rad_s2, heading.acc_command_rad_s2
     ahead = psi + dt_s * rate + 0.5 * dt_s * dt_s * (turn + dist)
     if not seen:
-        z.yaw_rad, z.yaw_rate_rad_s, z.yaw_dist_rad_s2 = ahead, rate + dt_s * turn, 0.0
-        z.yaw_fast_minus_slow[2] = 0.0
+        heading.yaw_rad, heading.rate_rad_s, heading.dist_rad_s2 = ahead, rate + dt_s * turn, 0.0
+        heading.fast_minus_slow[2] = 0.0
         return
     y = ahead + wrapped(heading_of(z.q_lab_from_flu) - ahead)
-    slow, fast, fast_weight = settings.heading, settings.heading_parallel, 0.0
+    slow, fast, weight = settings.heading, settings.heading_parallel, 0.0
     estimate = np.array((psi, rate, dist))
     if fast.bandwidth_rad_s > 0.0:
         w_slow, w_fast, most = slow.bandwidth_rad_s, fast.bandwidth_rad_s, np.empty(3)
-        step_both(estimate, z.yaw_fast_minus_slow, blending_weight(z.yaw_ratio), turn, y, dt_s, w_slow, w_fast, slow)
-        noise_thresholds(max(settings.quiet_rad, sqrt(z.yaw_noise_var_rad2)), w_fast, dt_s, fast, most)
-        z.yaw_ratio *= exp(-dt_s / fast.hold_s)
+        step_both(
+            estimate, heading.fast_minus_slow, blending_weight(heading.ratio), turn, y, dt_s, w_slow, w_fast, slow
+        )
+        noise_thresholds(max(settings.quiet_rad, sqrt(z.noise.yaw_var_rad2)), w_fast, dt_s, fast, most)
+        heading.ratio *= exp(-dt_s / fast.hold_s)
         for order in range(3):
-            z.yaw_ratio = max(z.yaw_ratio, abs(z.yaw_fast_minus_slow[order]) / most[order])
-        fast_weight = blending_weight(z.yaw_ratio)
+            heading.ratio = max(heading.ratio, abs(heading.fast_minus_slow[order]) / most[order])
+        weight = blending_weight(heading.ratio)
     else:
         estimate[0], estimate[1], estimate[2] = fteso_step(
             psi, rate, dist, turn, y, dt_s, slow.bandwidth_rad_s, slow.alpha, slow.scale, slow.smooth
         )
-    z.yaw_rad, z.yaw_rate_rad_s = (
-        estimate[0] + fast_weight * z.yaw_fast_minus_slow[0],
-        estimate[1] + fast_weight * z.yaw_fast_minus_slow[1],
-    )
-    z.yaw_dist_rad_s2 = estimate[2] + fast_weight * z.yaw_fast_minus_slow[2]
+    heading.yaw_rad = estimate[0] + weight * heading.fast_minus_slow[0]
+    heading.rate_rad_s = estimate[1] + weight * heading.fast_minus_slow[1]
+    heading.dist_rad_s2 = estimate[2] + weight * heading.fast_minus_slow[2]

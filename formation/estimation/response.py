@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.estimation.settings import ObserverSettings
-from formation.estimation.state import VehicleEstimate
+from formation.estimation.state import ModelError, VehicleEstimate
 from formation.maths.arrays import Float, Layout
 from formation.maths.copying import copy_into
 from formation.maths.kernel import kernel
@@ -115,9 +115,10 @@ def update_model_mismatch(
     follow shows 0.4 and more, and no shift; one that is as believed 0.36 at most.
     """
     speed, travel = np.empty(2), np.empty(2)
-    before_x, before_y = z.nominal_force_m_s2[0], z.nominal_force_m_s2[1]
+    error, nominal = z.model_error, z.model_error.nominal_force_m_s2
+    before_x, before_y = nominal[0], nominal[1]
     dead_s, lag_s = settings.nominal_dead_s, settings.nominal_lag_s
-    answer(sent.t_ns, sent.force[:, 0:2], from_ns, to_ns, dead_s, lag_s, z.nominal_force_m_s2, speed, travel)
+    answer(sent.t_ns, sent.force[:, 0:2], from_ns, to_ns, dead_s, lag_s, nominal, speed, travel)
     if not seen:
         return
     along = thrust_axis(z.q_lab_from_flu)
@@ -126,41 +127,41 @@ def update_model_mismatch(
     slow = 1.0 - exp(-dt_s / length_s)
     rate2, miss2, both = 0.0, 0.0, 0.0
     for axis in range(2):
-        rate = (z.nominal_force_m_s2[axis] - (before_x if axis == 0 else before_y)) / dt_s
-        innovation = learn_level_bias(z, axis, z.thrust_m_s2 * along[axis] - z.nominal_force_m_s2[axis], rate, dt_s)
+        rate = (nominal[axis] - (before_x if axis == 0 else before_y)) / dt_s
+        innovation = learn_level_bias(z, axis, z.thrust_m_s2 * along[axis] - nominal[axis], rate, dt_s)
         rate2, miss2, both = rate2 + rate * rate, miss2 + innovation * innovation, both + innovation * rate
-        z.slow_rate_m_s3[axis] += slow * (rate - z.slow_rate_m_s3[axis])
-        z.slow_innovation_m_s2[axis] += slow * (innovation - z.slow_innovation_m_s2[axis])
+        error.slow_rate_m_s3[axis] += slow * (rate - error.slow_rate_m_s3[axis])
+        error.slow_innovation_m_s2[axis] += slow * (innovation - error.slow_innovation_m_s2[axis])
     share = 1.0 - exp(-dt_s / MISMATCH_LAG_S)
-    moments = z.mismatch_moments
+    moments = error.moments
     moments[0] += share * (rate2 - moments[0])
     moments[1] += share * (miss2 - moments[1])
     moments[2] += share * (both - moments[2])
     turned = moments[0] + RATE_M_S3 * RATE_M_S3
     shift_s = moments[2] / turned
-    z.model_mismatch = sqrt(max(moments[1] / turned - shift_s * shift_s, 0.0)) / length_s
-    learn_shift(z, dt_s, settings.delay_shift_most_s)
+    error.mismatch = sqrt(max(moments[1] / turned - shift_s * shift_s, 0.0)) / length_s
+    learn_shift(error, dt_s, settings.delay_shift_most_s)
 
 
 @kernel
-def learn_shift(z: VehicleEstimate, dt_s: float, most_s: float) -> None:
+def learn_shift(error: ModelError, dt_s: float, most_s: float) -> None:
     """The shift in time: least squares of the slow part of the miss over that of the nominal rate of change.
 
     Slow: behind a first-order filter of the response's length, for of what changes faster than the shift is long the
     miss says nothing about it. most_s: what of it is counted on.
     """
-    rate, innovation, moments = z.slow_rate_m_s3, z.slow_innovation_m_s2, z.shift_moments
+    rate, innovation, moments = error.slow_rate_m_s3, error.slow_innovation_m_s2, error.shift_moments
     share = 1.0 - exp(-dt_s / SHIFT_LAG_S)
     moments[0] += share * (rate[0] * rate[0] + rate[1] * rate[1] - moments[0])
     moments[1] += share * (innovation[0] * rate[0] + innovation[1] * rate[1] - moments[1])
-    most = (1.0 - doubt(z.model_mismatch)) * most_s
-    z.delay_shift_s = min(max(moments[1] / (moments[0] + SHIFT_RATE_M_S3 * SHIFT_RATE_M_S3), -most), most)
+    most = (1.0 - doubt(error.mismatch)) * most_s
+    error.delay_shift_s = min(max(moments[1] / (moments[0] + SHIFT_RATE_M_S3 * SHIFT_RATE_M_S3), -most), most)
 
 
 @kernel
 def attitude_dead_s(z: VehicleEstimate, settings: ObserverSettings) -> float:
     """Dead time that is counted on of the attitude's answer, s, less the shift that was seen."""
-    return max(settings.response.attitude_dead_s - z.delay_shift_s, 0.0)
+    return max(settings.response.attitude_dead_s - z.model_error.delay_shift_s, 0.0)
 
 
 @kernel
@@ -171,12 +172,13 @@ def learn_level_bias(z: VehicleEstimate, axis: int, innovation: float, rate: flo
     a command, so it counts as a disturbance. While a vehicle turns fast, little is estimated: the innovation may then
     be part of the response.
     """
-    known: float = z.level_bias_m_s2[axis]
-    calm = 1.0 / (1.0 + max(z.mismatch_moments[0], rate * rate) / (RATE_M_S3 * RATE_M_S3))
+    error = z.model_error
+    known: float = error.level_bias_m_s2[axis]
+    calm = 1.0 / (1.0 + max(error.moments[0], rate * rate) / (RATE_M_S3 * RATE_M_S3))
     learned: float = known + calm * (1.0 - exp(-dt_s / BIAS_LAG_S)) * (innovation - known)
     learned = min(max(learned, -BIAS_MAX_M_S2), BIAS_MAX_M_S2)
     moved = learned - known
-    z.level_bias_m_s2[axis] = learned
+    error.level_bias_m_s2[axis] = learned
     z.specific_force_lab_m_s2[axis] -= moved
     z.dist_lab_m_s2[axis] += z.thrust_scale * moved
     return innovation - learned
@@ -219,10 +221,11 @@ def observe_tilt(z: VehicleEstimate, seen: bool, dt_s: float, settings: Observer
     up = max(upward, UPWARD_LEAST)
     measured = (forward / up, left / up)
     w = settings.tilt_bandwidth_rad_s * z.adaptive_gain
+    observed = z.observed
     for axis in range(2):
         if seen:
-            z.tilt[axis], z.tilt_rate_1_s[axis] = rate_step(
-                z.tilt[axis], z.tilt_rate_1_s[axis], measured[axis], dt_s, w, settings.tilt_decay_1_s
+            observed.tilt[axis], observed.tilt_rate_1_s[axis] = rate_step(
+                observed.tilt[axis], observed.tilt_rate_1_s[axis], measured[axis], dt_s, w, settings.tilt_decay_1_s
             )
-        z.specific_force_lab_m_s2[axis] = z.tilt[axis] * lift
-        z.force_rate_lab_m_s3[axis] = z.tilt_rate_1_s[axis] * lift
+        z.specific_force_lab_m_s2[axis] = observed.tilt[axis] * lift
+        observed.force_rate_lab_m_s3[axis] = observed.tilt_rate_1_s[axis] * lift

@@ -53,19 +53,18 @@ def initial(frame: LabFrame, flying: Flags) -> Rows[VehicleEstimate]:
     """
     z = blank(VehicleEstimate, len(frame.bodies))
     z["t_ns"] = frame.t_capture_ns
-    z["seen_ns"] = np.where(frame.seen, frame.t_capture_ns, NEVER_NS)
-    z["pos_lab_m"] = z["seen_pos_lab_m"] = frame.pos_lab_m
+    seen = z["seen"]
+    seen["t_ns"] = np.where(frame.seen, frame.t_capture_ns, NEVER_NS)
+    z["pos_lab_m"] = seen["pos_lab_m"] = frame.pos_lab_m
     z["q_lab_from_flu"] = frame.q_lab_from_flu
-    z["yaw_rad"] = frames.yaw(frame.q_lab_from_flu)
+    z["heading"]["yaw_rad"] = frames.yaw(frame.q_lab_from_flu)
     z["thrust_m_s2"] = z["specific_force_lab_m_s2"][:, 2] = np.where(flying, GRAVITY_M_S2, 0.0)
-    z["noise_var_m2"] = NOISE_FIRST_M**2
-    z["inertial_var_m2_s4"] = ACCEL_NOISE_INITIAL_M_S2**2
-    z["yaw_noise_var_rad2"] = NOISE_FIRST_RAD**2
-    z["recent_m"] = frame.pos_lab_m[:, None, :]
-    z["recent_yaw_rad"] = z["yaw_rad"][:, None]
-    z["recent_ns"] = NEVER_NS
-    for name in ("thrust_scale", "adaptive_gain"):
-        z[name] = 1.0
+    z["inertial"]["var_m2_s4"] = ACCEL_NOISE_INITIAL_M_S2**2
+    noise = z["noise"]
+    noise["var_m2"], noise["yaw_var_rad2"] = NOISE_FIRST_M**2, NOISE_FIRST_RAD**2
+    noise["recent_ns"], noise["recent_m"] = NEVER_NS, frame.pos_lab_m[:, None, :]
+    noise["recent_yaw_rad"] = z["heading"]["yaw_rad"][:, None]
+    z["thrust_scale"] = z["adaptive_gain"] = 1.0
     return z
 
 
@@ -81,8 +80,9 @@ def estimate(
     measured.
     """
     new = like(state)
-    if frame.t_capture_ns > state["t_ns"][0] and NEVER_NS in state["seen_ns"].tolist():
-        state = _begun(state, frame, (state["seen_ns"] == NEVER_NS) & frame.seen)
+    seen_ns = state["seen"]["t_ns"]
+    if frame.t_capture_ns > state["t_ns"][0] and NEVER_NS in seen_ns.tolist():
+        state = _begun(state, frame, (seen_ns == NEVER_NS) & frame.seen)
     _estimate(
         settings, frame.t_capture_ns, frame.pos_lab_m, frame.q_lab_from_flu, frame.seen, airborne,
         yaw_acc_command_rad_s2, force_meas_flu_m_s2, history, state, new,
@@ -110,13 +110,13 @@ def _estimate(
     for i in range(len(old)):
         new[i] = old[i]
         z, s = new[i], settings[i]
-        z.yaw_acc_command_rad_s2 = yaw_acc_command_rad_s2[i]
+        z.heading.acc_command_rad_s2 = yaw_acc_command_rad_s2[i]
         from_ns = z.t_ns
         if to_ns > from_ns:
             dt_s = (to_ns - from_ns) * SECONDS
             z.t_ns = to_ns
             if seen[i]:
-                z.seen_ns = to_ns
+                z.seen.t_ns = to_ns
                 for k in range(4):
                     q_before[k] = z.q_lab_from_flu[k]
                     z.q_lab_from_flu[k] = q_lab_from_flu[i, k]
@@ -126,7 +126,7 @@ def _estimate(
             observe(z, pos_lab_m[i], seen[i], airborne[i], model, dt_s, s)
             if seen[i]:
                 for axis in range(3):
-                    z.seen_pos_lab_m[axis], z.seen_vel_lab_m_s[axis] = z.pos_lab_m[axis], z.vel_lab_m_s[axis]
+                    z.seen.pos_lab_m[axis], z.seen.vel_lab_m_s[axis] = z.pos_lab_m[axis], z.vel_lab_m_s[axis]
         _join_motion(z, s)
 
 
@@ -172,9 +172,9 @@ def rebuild_force(
     if not seen:
         return
     along = thrust_axis(z.q_lab_from_flu)
-    trust = s.attitude_trust + z.fast_weight * (s.parallel.attitude_trust - s.attitude_trust)
+    trust = s.attitude_trust + z.fast.weight * (s.parallel.attitude_trust - s.attitude_trust)
     for axis in range(2):
-        force[axis] += trust * (z.thrust_m_s2 * along[axis] - z.level_bias_m_s2[axis] - force[axis])
+        force[axis] += trust * (z.thrust_m_s2 * along[axis] - z.model_error.level_bias_m_s2[axis] - force[axis])
     force[2] = z.thrust_m_s2 * along[2]
 
 
@@ -208,7 +208,7 @@ def noise_bandwidth_factor(z: VehicleEstimate, s: ObserverSettings) -> float:
 
     A Kalman filter of a position whose acceleration walks at random has w = (density of walk / of noise)^(1/6).
     """
-    factor: float = min(s.quiet_m / sqrt(z.noise_var_m2), 1.0) ** (1.0 / 3.0)
+    factor: float = min(s.quiet_m / sqrt(z.noise.var_m2), 1.0) ** (1.0 / 3.0)
     return factor
 
 
@@ -238,21 +238,21 @@ def observe_axis(
 @kernel
 def _join_motion(z: VehicleEstimate, s: ObserverSettings) -> None:
     """Position, velocity and acceleration of x, y, z and heading as one motion."""
-    commanded = s.commanded_index >= 0
+    commanded, heading = s.commanded_index >= 0, z.heading
     for axis in range(3):
         z.motion[0, axis], z.motion[1, axis] = z.pos_lab_m[axis], z.vel_lab_m_s[axis]
         forced = z.thrust_scale * z.specific_force_lab_m_s2[axis] - s.drag_1_s[axis] * z.vel_lab_m_s[axis]
         z.motion[2, axis] = forced + z.dist_lab_m_s2[axis]
     if commanded:
         z.motion[2, 2] -= GRAVITY_M_S2
-    z.motion[0, 3], z.motion[1, 3] = z.yaw_rad, z.yaw_rate_rad_s
-    z.motion[2, 3] = z.yaw_dist_rad_s2 + z.yaw_acc_command_rad_s2
+    z.motion[0, 3], z.motion[1, 3] = heading.yaw_rad, heading.rate_rad_s
+    z.motion[2, 3] = heading.dist_rad_s2 + heading.acc_command_rad_s2
 
 
 def swarm_state(z: Rows[VehicleEstimate]) -> SwarmState:
     """The estimate as the message that is logged and shown."""
-    motion, t_ns = z["motion"], int(z["t_ns"][0])
-    age_s = [(t_ns - seen_ns) * SECONDS if seen_ns > NEVER_NS else np.inf for seen_ns in z["seen_ns"].tolist()]
+    motion, heading, t_ns = z["motion"], z["heading"], int(z["t_ns"][0])
+    age_s = [(t_ns - seen_ns) * SECONDS if seen_ns > NEVER_NS else np.inf for seen_ns in z["seen"]["t_ns"].tolist()]
     return SwarmState(
         t_ns,
         pos_lab_m=z["pos_lab_m"],
@@ -260,9 +260,9 @@ def swarm_state(z: Rows[VehicleEstimate]) -> SwarmState:
         dist_lab_m_s2=z["dist_lab_m_s2"],
         acc_lab_m_s2=motion[:, 2, :3],
         q_lab_from_flu=z["q_lab_from_flu"],
-        yaw_rad=z["yaw_rad"],
-        yaw_rate_rad_s=z["yaw_rate_rad_s"],
+        yaw_rad=heading["yaw_rad"],
+        yaw_rate_rad_s=heading["rate_rad_s"],
         yaw_acc_rad_s2=motion[:, 2, 3],
         age_s=np.array(age_s),
-        model_mismatch=z["model_mismatch"],
+        model_mismatch=z["model_error"]["mismatch"],
     )

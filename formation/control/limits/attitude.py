@@ -157,7 +157,7 @@ def limit_force(
         )
     met = clamp_force(aim, least, LIFT_MOST * full, s.tilt_max_rad)
     met_later = clamp_force(lead, least, LIFT_MOST * full, LEAD_TILT_RAD if s.rate_feed_forward else s.tilt_max_rad)
-    trusted = s.turn_authority_rad_s2_m * trusted_authority(z.model_mismatch)
+    trusted = s.turn_authority_rad_s2_m * trusted_authority(z.model_error.mismatch)
     clamp_turn(aim, wanted.specific_force_lab_m_s2, trusted, full)
     clamp_turn(lead, wanted.specific_force_lab_m_s2, trusted, full)
     return bits + (met if s.rate_feed_forward else max(met, met_later))

@@ -132,20 +132,20 @@ def placed(
     known, controllable, responds, unresponsive, lost = np.zeros((5, count), np.bool_)
     for n in range(count):
         s, z = settings[n], estimates[n]
-        unseen_s = (z.t_ns - z.seen_ns) * SECONDS
-        known[n] = z.seen_ns > NEVER_NS
+        unseen_s = (z.t_ns - z.seen.t_ns) * SECONDS
+        known[n] = z.seen.t_ns > NEVER_NS
         lost[n] = s.keep_out_on and unseen_s > UNSEEN_S
         controllable[n] = s.commanded_index >= 0 and not lost[n] and references[s.commanded_index].airborne
-        unresponsive[n] = abs(z.dist_lab_m_s2[2]) > VERTICAL_DIST_MAX_M_S2 or z.model_mismatch > MISMATCH_BAD
-        responds[n] = z.model_mismatch < MISMATCH_WARN and not unresponsive[n]
+        unresponsive[n] = abs(z.dist_lab_m_s2[2]) > VERTICAL_DIST_MAX_M_S2 or z.model_error.mismatch > MISMATCH_BAD
+        responds[n] = z.model_error.mismatch < MISMATCH_WARN and not unresponsive[n]
         for axis in range(3):
             acc_m_s2[n, axis] = min(max(z.motion[2, axis], -ABLE_M_S2), ABLE_M_S2)
         if lost[n]:
             decay = exp(-unseen_s / DRIFT_S)
             grown_m[n] = min(0.5 * ABLE_M_S2 * unseen_s * unseen_s, GROWN_MOST_M)
             for axis in range(3):
-                speed = z.seen_vel_lab_m_s[axis]
-                motion[n, 0, axis] = z.seen_pos_lab_m[axis] + DRIFT_S * (1.0 - decay) * speed
+                speed = z.seen.vel_lab_m_s[axis]
+                motion[n, 0, axis] = z.seen.pos_lab_m[axis] + DRIFT_S * (1.0 - decay) * speed
                 motion[n, 1, axis] = decay * speed
         elif controllable[n]:
             demand = wanted[s.commanded_index]

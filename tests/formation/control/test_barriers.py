@@ -40,9 +40,9 @@ def demands(bodies: list[Moving]) -> tuple[Rows[Demand], Rows[VehicleEstimate], 
         wanted[i].acc_lab_m_s2[2] -= SINKS if b.unresponsive else 0.0
     for n, b in enumerate(bodies):
         has = b.acc if b.has is None else b.has
-        estimates[n].t_ns = estimates[n].seen_ns = NOW_NS
+        estimates[n].t_ns = estimates[n].seen.t_ns = NOW_NS
         estimates[n].motion[0, :3], estimates[n].motion[1, :3], estimates[n].motion[2, :3] = b.pos, b.vel, has
-        estimates[n].model_mismatch = 0.0 if b.has is None or b.unresponsive else 0.39
+        estimates[n].model_error.mismatch = 0.0 if b.has is None or b.unresponsive else 0.39
         estimates[n].dist_lab_m_s2[2] = SINKS if b.unresponsive else 0.0
     return wanted, estimates, references
 
@@ -130,13 +130,13 @@ def test_nobody_counts_on_one_that_does_not_answer() -> None:
     wanted, estimates, references = demands([stuck, comes, FAR])
     estimates[0].dist_lab_m_s2[0], estimates[0].motion[2] = -1.4, 0.0
     assert limit_demands(settings, wanted, estimates, references, NOW_NS) is wanted
-    estimates[0].model_mismatch = 0.4
+    estimates[0].model_error.mismatch = 0.4
     out = limit_demands(settings, wanted, estimates, references, NOW_NS)
     beside_wall = kept([body((0.35, 0.0, 1.0), controllable=False), comes, FAR])
     np.testing.assert_allclose(out[1].acc_lab_m_s2, beside_wall[0].acc_lab_m_s2)
     assert out[1].acc_lab_m_s2[0] < -1.0
     assert out[0].acc_lab_m_s2[0] == 4.0  # were it to obey, nothing would be wrong
-    estimates["model_mismatch"] = 0.4  # neither does: they share it
+    estimates["model_error"]["mismatch"] = 0.4  # neither does: they share it
     both = limit_demands(settings, wanted, estimates, references, NOW_NS)
     assert both[1].acc_lab_m_s2[0] == pytest.approx(0.5 * out[1].acc_lab_m_s2[0])
 
@@ -161,7 +161,7 @@ def test_nobody_flees_from_what_is_asked_of_one_whose_agent_is_dead() -> None:
     settings = barrier_settings(lab(1), (PAPER_40G,) * 3)
     settings["dead_s"] = estimates[0].motion[2, 0] = 0.0
     assert limit_demands(settings, wanted, estimates, references, NOW_NS)[1].acc_lab_m_s2[0] < -0.5
-    estimates[0].model_mismatch = 1.5
+    estimates[0].model_error.mismatch = 1.5
     out = limit_demands(settings, wanted, estimates, references, NOW_NS)
     assert not out[1].acc_lab_m_s2.any()
     assert out[0].acc_lab_m_s2[0] > -9.0
@@ -238,8 +238,8 @@ def test_a_lost_body_is_kept_clear_of_by_what_it_can_do_at_any_height() -> None:
     """Seen 0.3 s ago at 1 m/s: 4 m/s^2 take it 0.18 m off a place that drifted by 0.5 m (1 - exp(-0.6))."""
     settings = barrier_settings(lab(None), (PAPER_40G,) * 3)
     z = blank(VehicleEstimate, 1)
-    z["t_ns"], z["seen_ns"] = NOW_NS, NOW_NS - 300_000_000
-    z["seen_pos_lab_m"], z["seen_vel_lab_m_s"] = [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]
+    z["t_ns"], z["seen"]["t_ns"] = NOW_NS, NOW_NS - 300_000_000
+    z["seen"]["pos_lab_m"], z["seen"]["vel_lab_m_s"] = [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]
     z["motion"][0, 0, :3] = [5.0, 5.0, 5.0]
     out = placed(settings[:1], z, blank(Demand, 2), blank(VehicleReference, 2), NOW_NS)
     assert (out.known[0], out.lost[0], out.controllable[0]) == (True, True, False)
@@ -249,7 +249,7 @@ def test_a_lost_body_is_kept_clear_of_by_what_it_can_do_at_any_height() -> None:
     z["t_ns"] = NOW_NS + 10**10
     out = placed(settings[:1], z, blank(Demand, 2), blank(VehicleReference, 2), NOW_NS + 10**10)
     assert out.grown_m[0] == 0.3
-    z["seen_ns"] = z["t_ns"] - 90_000_000
+    z["seen"]["t_ns"] = z["t_ns"] - 90_000_000
     out = placed(settings[:1], z, blank(Demand, 2), blank(VehicleReference, 2), NOW_NS + 10**10)
     assert (out.lost[0], out.grown_m[0]) == (False, 0.0)
 
@@ -261,7 +261,7 @@ def test_one_on_the_floor_is_asked_nothing_and_one_never_seen_is_nowhere() -> No
     references[0].airborne = False
     out = limit_demands(settings, wanted, estimates, references, NOW_NS)
     assert (out["limits_met"] > 0).tolist() == [False, True, False]
-    estimates[0].seen_ns = -(1 << 60)
+    estimates[0].seen.t_ns = -(1 << 60)
     assert limit_demands(settings, wanted, estimates, references, NOW_NS) is wanted
 
 
@@ -283,6 +283,6 @@ def test_each_barrier_is_switched_off_by_its_name(name: str) -> None:
     assert met == {"separation-filter": Saturation.SPEED, "speed-limit": 0}.get(name, Saturation.SPEED)
     settings = barrier_settings(lab(None), (PAPER_40G,) * 3, frozenset({name}))
     z = blank(VehicleEstimate, 1)
-    z["t_ns"], z["seen_ns"] = NOW_NS, NOW_NS - 300_000_000
+    z["t_ns"], z["seen"]["t_ns"] = NOW_NS, NOW_NS - 300_000_000
     out = placed(settings[:1], z, blank(Demand, 2), blank(VehicleReference, 2), NOW_NS)
     assert out.lost[0] == (name != "keep-out")

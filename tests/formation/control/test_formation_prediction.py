@@ -49,7 +49,7 @@ def test_drag_slows_a_vehicle_as_the_exact_solution_does(vel_m_s: float, push_m_
 def test_a_push_that_rises_goes_on_rising_for_a_tenth_of_a_second(weight: float) -> None:
     """d' = 20 w exp(-10 t) from d = 2 on: a filter of 5 / (50 rad/s) = 0.1 s is 2 m/s^2 behind. In steps of 0.1 ms."""
     z, observer = blank(VehicleEstimate, 1), blank(ObserverSettings, 1)
-    z["t_ns"], z["thrust_scale"], z["fast_weight"] = T_NS, 1.0, weight
+    z["t_ns"], z["thrust_scale"], z["fast"]["weight"] = T_NS, 1.0, weight
     z["dist_lab_m_s2"], z["dist_late_lab_m_s2"] = [[2.0, -2.0, 0.0]], [[0.0, 0.0]]
     observer["commanded_index"], observer[0].parallel.bandwidth_rad_s = -1, 50.0
     known, motion = _known(z, observer, no_history(1)), np.zeros((3, 4))

@@ -34,7 +34,7 @@ def _settings(slow: ObserverGains = OBSERVER, fast: Parallel = DEFAULT.parallel)
 
 def _at_rest() -> Rows[VehicleEstimate]:
     z = blank(VehicleEstimate, 1)
-    z["noise_var_m2"] = NOISE_M**2
+    z["noise"]["var_m2"] = NOISE_M**2
     return z
 
 
@@ -62,7 +62,7 @@ def test_in_calm_it_stays_with_the_slow_observer() -> None:
     weights, disturbances = [], []
     for _ in range(1000):
         _step(z[0], NOISE_M * rng.standard_normal(3), settings)
-        weights.append(float(z[0].fast_weight))
+        weights.append(float(z[0].fast.weight))
         disturbances.append(float(z[0].dist_lab_m_s2[0]))
     assert np.mean(weights) < 0.02
     assert np.std(disturbances) < 0.05
@@ -78,7 +78,7 @@ def test_a_push_is_believed_within_five_frames_and_known_within_ten() -> None:
     for k in range(1, 11):
         truth = np.array([2.5 * (k * DT_S) ** 2, 0.0, 0.0])
         _step(z[0], truth + NOISE_M * rng.standard_normal(3), settings)
-        weights.append(float(z[0].fast_weight))
+        weights.append(float(z[0].fast.weight))
         estimates.append(z[0].dist_lab_m_s2[:2].copy())
     assert max(weights[:5]) > 0.9
     assert estimates[-1][0] == pytest.approx(5.0, rel=0.2)
@@ -90,7 +90,7 @@ def _weights(shown_m: Float, settings: ObserverSettings | None = None) -> Float:
     z, settings, weights = _at_rest(), settings or _settings(), []
     for measured in shown_m:
         _step(z[0], measured, settings)
-        weights.append(float(z[0].fast_weight))
+        weights.append(float(z[0].fast.weight))
     return np.array(weights)
 
 
@@ -142,7 +142,7 @@ def test_one_weight_makes_it_the_same_in_every_direction() -> None:
         x = 2.0 * (k * DT_S) ** 2
         _step(along[0], np.array([x, 0.0, 0.0]), settings)
         _step(across[0], np.array([quarter * x, quarter * x, 0.0]), settings)
-    assert across[0].fast_weight == pytest.approx(float(along[0].fast_weight))
+    assert across[0].fast.weight == pytest.approx(float(along[0].fast.weight))
     assert across[0].dist_lab_m_s2[:2] == pytest.approx(quarter * along[0].dist_lab_m_s2[0], rel=1e-9)
 
 
@@ -155,7 +155,7 @@ NO_DRAG = np.zeros(3)
 def _hovering(q: Float = LEVEL) -> Rows[VehicleEstimate]:
     z = blank(VehicleEstimate, 1)
     z["thrust_scale"], z["thrust_m_s2"], z["q_lab_from_flu"] = 1.0, G, q
-    z["inertial_var_m2_s4"] = 0.04
+    z["inertial"]["var_m2_s4"] = 0.04
     return z
 
 
@@ -165,7 +165,7 @@ def _feel(z: VehicleEstimate, force_flu_m_s2: Vec3, steps: int = 1) -> None:
 
 
 def _fast_z3(z: VehicleEstimate) -> Float:
-    return np.asarray(z.dist_lab_m_s2[:2] + (1.0 - z.fast_weight) * z.fast_minus_slow[2, :2])
+    return np.asarray(z.dist_lab_m_s2[:2] + (1.0 - z.fast.weight) * z.fast.minus_slow[2, :2])
 
 
 @pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.2, -0.3, 0.0), (0.1, 0.4, 2.5)])
@@ -175,7 +175,7 @@ def test_a_push_is_the_fast_observers_z3_in_one_step(turn: tuple[float, float, f
     z = _hovering(q)
     _feel(z[0], UP + rotate(inverse(q), push))
     assert _fast_z3(z[0]) == pytest.approx(push[:2], rel=0.01)
-    assert z[0].inertial_ratio > 1.0
+    assert z[0].inertial.ratio > 1.0
 
 
 def test_a_turn_within_the_step_is_counted_by_its_mean() -> None:
@@ -203,16 +203,16 @@ def test_noise_hardly_moves_it_and_is_learned() -> None:
     rng, z, seen = np.random.default_rng(5), _hovering(), []
     for _ in range(3000):
         _feel(z[0], UP + 0.3 * rng.standard_normal(3))
-        z["fast_minus_slow"] *= 0.8  # positions say that nothing pushes
+        z["fast"]["minus_slow"] *= 0.8  # positions say that nothing pushes
         seen.append(_fast_z3(z[0])[0])
-    assert np.sqrt(z[0].inertial_var_m2_s4) == pytest.approx(0.3, rel=0.15)
+    assert np.sqrt(z[0].inertial.var_m2_s4) == pytest.approx(0.3, rel=0.15)
     assert np.std(seen) < 0.03
 
 
 def test_a_small_bias_is_learned_and_no_push() -> None:
     z = _hovering()
     _feel(z[0], UP + np.array([0.3, -0.2, 0.0]), 1000)
-    assert z[0].inertial_bias_m_s2 == pytest.approx([0.3, -0.2], rel=0.02)
+    assert z[0].inertial.bias_m_s2 == pytest.approx([0.3, -0.2], rel=0.02)
     assert np.abs(_fast_z3(z[0])).max() < 0.01
 
 
@@ -221,8 +221,8 @@ def test_a_sensor_that_is_wrong_for_good_is_believed_for_some_seconds_only() -> 
     _feel(z[0], UP + np.array([6.0, 0.0, 0.0]), 10)
     assert _fast_z3(z[0])[0] == pytest.approx(6.0, rel=0.1)
     _feel(z[0], UP + np.array([6.0, 0.0, 0.0]), 3000)
-    assert z[0].inertial_bias_m_s2[0] == pytest.approx(6.0, rel=0.1)
-    assert z[0].inertial_ratio < 0.5
+    assert z[0].inertial.bias_m_s2[0] == pytest.approx(6.0, rel=0.1)
+    assert z[0].inertial.ratio < 0.5
 
 
 def test_no_more_is_believed_than_z3_may_be() -> None:
@@ -241,7 +241,7 @@ def test_a_push_that_was_felt_last_is_soon_forgotten() -> None:
     z = _hovering()
     _feel(z[0], UP + np.array([4.0, 0.0, 0.0]))
     _feel(z[0], np.full(3, np.nan), 20)
-    assert z[0].inertial_ratio < 0.05
+    assert z[0].inertial.ratio < 0.05
 
 
 DT_S, NOISE_RAD = 0.01, 1e-3
@@ -263,7 +263,7 @@ def _observed(
 ) -> tuple[Rows[VehicleEstimate], Float]:
     """The estimate after all of these headings, each seen with noise; and yaw, rate, Z3, weight (T, 4) on the way."""
     z, settings, rng = blank(VehicleEstimate, 1), _heading_settings(), np.random.default_rng(seed)
-    z["yaw_noise_var_rad2"], z["recent_ns"] = NOISE_RAD**2, -1_000_000_000
+    z["noise"]["yaw_var_rad2"], z["noise"]["recent_ns"] = NOISE_RAD**2, -1_000_000_000
     seen = np.ones(len(yaw_rad), dtype=bool)
     seen[unseen] = False
     course = np.empty((len(yaw_rad), 4))
@@ -272,7 +272,12 @@ def _observed(
         if seen[k]:
             learn_noise(z[0], round((k + 1) * DT_S * 1e9), np.zeros(3))
         observe_heading(z[0], bool(seen[k]), DT_S, settings)
-        course[k] = z[0].yaw_rad, z[0].yaw_rate_rad_s, z[0].yaw_dist_rad_s2, blending_weight(z[0].yaw_ratio)
+        course[k] = (
+            z[0].heading.yaw_rad,
+            z[0].heading.rate_rad_s,
+            z[0].heading.dist_rad_s2,
+            blending_weight(z[0].heading.ratio),
+        )
     return z, course
 
 
@@ -288,7 +293,7 @@ def test_at_rest_noise_neither_raises_the_weight_nor_turns_the_followers(seed: i
 def test_the_noise_of_a_small_body_is_learned_and_turns_the_followers_no_more(noise_rad: float) -> None:
     """0.3 mm at an arm of 30 mm are 10 mrad: taken for turns, they were 0.4 rad/s, and 20 degrees of tilt behind it."""
     z, course = _observed(np.zeros(len(T_S)), 7, noise_rad=noise_rad)
-    assert np.sqrt(z["yaw_noise_var_rad2"][0]) == pytest.approx(noise_rad, rel=0.3)
+    assert np.sqrt(z["noise"]["yaw_var_rad2"][0]) == pytest.approx(noise_rad, rel=0.3)
     assert np.max(course[200:, 3]) < 0.3
     assert np.std(course[200:, 1]) < 5.0 * noise_rad
 

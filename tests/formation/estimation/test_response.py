@@ -122,7 +122,7 @@ def _judged(dead_s: float, lag_s: float, limit: Callable[[float], float] = lambd
         half = 0.5 * asin(felt / GRAVITY_M_S2)
         z.q_lab_from_flu[:] = cos(half), 0.0, sin(half), 0.0
         update_model_mismatch(z, k * 10 * MS, (k + 1) * 10 * MS, True, _believed(), _sent(sent[-64:]))
-    return float(z.model_mismatch), float(z.delay_shift_s)
+    return float(z.model_error.mismatch), float(z.model_error.delay_shift_s)
 
 
 def test_a_vehicle_that_answers_as_its_profile_says_fits() -> None:
@@ -163,4 +163,4 @@ def test_a_lasting_lean_that_answers_no_command_is_a_disturbance_and_no_mismatch
         update_model_mismatch(z, k * 10 * MS, (k + 1) * 10 * MS, True, _believed(), _sent([(0, 0.0)]))
         assert z.specific_force_lab_m_s2[0] + z.dist_lab_m_s2[0] == pytest.approx(leaned)
     assert z.dist_lab_m_s2[0] == pytest.approx(leaned, rel=0.01)
-    assert z.model_mismatch < 0.2
+    assert z.model_error.mismatch < 0.2

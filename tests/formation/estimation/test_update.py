@@ -27,7 +27,7 @@ def _settings() -> ObserverSettings:
 
 def _observed(commanded_index: int, axis: int, noise_m: float, gain: float) -> tuple[float, float, float]:
     z: VehicleEstimate = blank(VehicleEstimate, 1)[0]
-    z.noise_var_m2, z.adaptive_gain = noise_m * noise_m, gain
+    z.noise.var_m2, z.adaptive_gain = noise_m * noise_m, gain
     settings = _settings()
     settings.commanded_index = commanded_index
     observe_axis(z, axis, MEASURED, True, MODEL, DT_S, settings)
@@ -55,7 +55,7 @@ def test_the_bandwidth_shrinks_with_noise_and_grows_with_the_adaptive_gain(
 
 def test_unseen_it_is_newtons_law() -> None:
     z: VehicleEstimate = blank(VehicleEstimate, 1)[0]
-    z.pos_lab_m[0], z.vel_lab_m_s[0], z.dist_lab_m_s2[0], z.noise_var_m2 = 1.0, 2.0, 0.5, 1e-8
+    z.pos_lab_m[0], z.vel_lab_m_s[0], z.dist_lab_m_s2[0], z.noise.var_m2 = 1.0, 2.0, 0.5, 1e-8
     observe_axis(z, 0, 99.0, False, 1.5, 0.1, _settings())
     assert (z.pos_lab_m[0], z.vel_lab_m_s[0], z.dist_lab_m_s2[0]) == pytest.approx((1.21, 2.2, 0.5))
 
@@ -78,9 +78,9 @@ def _falling(acc_m_s2: float, noise_m: float, seconds: float) -> tuple[VehicleEs
     """The height of a vehicle whose acceleration the model misses; every gain, by the oracle the same, and velocity."""
     rng = np.random.default_rng(3)
     z: VehicleEstimate = blank(VehicleEstimate, 1)[0]
-    z.noise_var_m2 = max(noise_m, 1e-4) ** 2
+    z.noise.var_m2 = max(noise_m, 1e-4) ** 2
     settings, twin, gains, velocities = _settings(), begun(0, np.zeros(3), UPRIGHT, False, True), [], []
-    settings.vertical.bandwidth_rad_s, twin.noise_m2 = 5.0, float(z.noise_var_m2)
+    settings.vertical.bandwidth_rad_s, twin.noise_m2 = 5.0, float(z.noise.var_m2)
     for k in range(1, round(seconds / DT_S) + 1):
         measured = 0.5 * acc_m_s2 * (k * DT_S) ** 2 + noise_m * rng.standard_normal()
         twin.pos[2], twin.vel[2], twin.dist[2] = z.pos_lab_m[2], z.vel_lab_m_s[2], z.dist_lab_m_s2[2]

@@ -2,12 +2,13 @@
 
 A study asks what a law or a gain is worth; codecs and monitors do not answer that, and take nine tenths of the time of
 a lockstep flight. What is left is the same code: the emulated cameras, the control stack, the safety rules, the phases,
-the attitude loop and the body. A setpoint arrives after its link's delay; an autopilot errs about level by what its
-accelerometer's bias makes of it. How near the two hosts are is asserted in tests/sim/research/test_host.py.
+the attitude loop and the body. Its drones are armed and off-board at once (`_drone`), and a setpoint arrives after its
+link's delay. An autopilot errs about level by what its accelerometer's bias makes of it. How near the two hosts are is
+asserted in tests/sim/research/test_host.py.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
@@ -26,8 +27,6 @@ from formation.config import LabConfig
 from formation.control.presets import Preset
 from formation.control.stack import ControlStack, Stages
 from formation.guidance.plan import Plan
-from formation.guidance.preview import trajectory_from
-from formation.guidance.shape import configured
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float, Layout, Quat, Quats, Scalars, Vec3, Vec3s
 from formation.maths.kernel import kernel
@@ -39,20 +38,21 @@ from formation.messages import (
     LabFrame,
     OperatorReply,
     Phase,
-    PhaseChange,
     RawFrame,
     Truth,
     Verb,
 )
 from formation.own_law.flight import OwnLaws
 from formation.safety import rules
-from formation.safety.phases import Trigger, advance
+from formation.safety.phases import Trigger
 from formation.topics import Topic
 from formation.vehicle.body import GRAVITY_M_S2, MASS, NUMBERS
 from formation.vehicle.profile import VehicleState, at_rest, on_ground
 from gcs.core import own_laws
+from gcs.drones.drone import Drone
+from gcs.drones.link_state import DroneLink
 from gcs.drones.telemetry import SpecificForce
-from gcs.flight import IN_SLOT_M, PHASES, SETTLE_NS, are_at_height, slot_distances_m
+from gcs.flight import Flight as Phases
 from gcs.safety import FactGatherer
 from mocap.alignment import Alignment
 from sim import lockstep
@@ -221,7 +221,7 @@ class Vehicles:
         """wind: see `advance_vehicles`."""
         lab, link, drones = scenario.lab, scenario.link, agent_configs(scenario, leader)
         profiles = [drone.true_vehicle() for drone in drones]
-        self._sysids = tuple(drone.sysid for drone in drones)
+        self.sysids = tuple(drone.sysid for drone in drones)
         self._names = tuple(lab.vehicles[i].body for i in lab.commanded)
         self.bodies = np.array(lab.commanded)
         """Which of the lab's vehicles they are (m)."""
@@ -239,7 +239,7 @@ class Vehicles:
         self._weight_n = np.array([profile.weight_n for profile in profiles])
         self._packs = [BatteryPack(profile.battery) for profile in profiles]
         self._command_ns = [round(profile.command_delay_s * 1e9) for profile in profiles]
-        self._down = [_delay(link, link.down_s, [seed, 3, sysid]) for sysid in self._sysids]
+        self._down = [_delay(link, link.down_s, [seed, 3, sysid]) for sysid in self.sysids]
         up = _delay(link, link.up_s, [seed, 4])
         self.attitudes = MemoryLink[tuple[int, Quats]](up)
         """Own attitudes (m, 4) on their way to the ground, with their time."""
@@ -266,7 +266,7 @@ class Vehicles:
     def truths(self, states: Float, now_ns: int) -> Iterator[Truth]:
         """The drones among these states as messages."""
         pushes = self._flown["push_lab_m_s2"].copy()
-        for sysid, body, push in zip(self._sysids, self.bodies, pushes, strict=True):
+        for sysid, body, push in zip(self.sysids, self.bodies, pushes, strict=True):
             x = states[body, 1:]
             stands = on_ground(VehicleState(x))
             yield Truth(now_ns, sysid, x[0:3], x[3:6], x[6:10], x[10:13], push, stands, armed=True)
@@ -371,11 +371,6 @@ class Ground:
         self._rule_state, verdict = rules.assess(self._rule_state, facts, phase, self.lab.limits, now_ns)
         return verdict.trigger is not None
 
-    def plan_in(self, phase: Phase) -> Plan:
-        """The phase begins: it is recorded, and every drone led as it says."""
-        self.record(topics.PHASE, PhaseChange(phase, "", Cause.OPERATOR))
-        return Plan((PHASES[phase].setpoint(self.lab.flight),) * len(self.lab.commanded), configured(self.lab))
-
     def record(self, topic: Topic, message: object) -> None:
         """Record a message now."""
         self.records.append(Entry(topic, self.now_ns, message))
@@ -383,9 +378,6 @@ class Ground:
 
 class StudyFlight:
     """One flight of the host: `step` moves on to the next exposure or frame, until there is a `result`."""
-
-    _phase: Phase
-    _plan: Plan
 
     def __init__(
         self,
@@ -398,7 +390,7 @@ class StudyFlight:
         """gains, own: see `Ground`; wind: see `fly`. The script's landing is not flown: a study ends in HOLD."""
         if unknown := {fault.family for fault in scenario.faults} - {Family.MASS}:
             raise ValueError(f"{scenario.name}: the host of studies has no fault `{min(unknown)}`; fly it in lockstep")
-        lab = self._lab = scenario.lab
+        lab = scenario.lab
         leader = recorded_leader(scenario)
         self.now_ns = T0_NS
         self.result: FlightResult | None = None
@@ -410,10 +402,10 @@ class StudyFlight:
         steps = [step for step in scenario.script if step.verb is not Verb.LAND]
         self._operator = Operator(tuple(steps), leader_seconds(scenario, leader))
         self._operator_ns = T0_NS + OPERATOR_PERIOD_NS
-        self._settled_since_ns: int | None = None
-        self._leader_done_ns = 0
         self._faults, self._wind = Onsets(scenario.faults), wind
-        self._enter(Phase.GROUND)
+        drones = zip(lab.commanded, self._vehicles.sysids, strict=True)
+        self._phases = Phases(lab, tuple(_drone(lab, i, sysid) for i, sysid in drones), T0_NS)
+        self._note_phases()
 
     def step(self) -> None:
         """Do all that is due next."""
@@ -440,55 +432,55 @@ class StudyFlight:
     def _control(self, raw: RawFrame) -> None:
         """A frame arrives at the ground: one turn of its control."""
         frame = self._alignment.align(raw, raw.seq, raw.t_capture_ns, self.now_ns)
-        stages = self._ground.control(frame, self._plan, self.now_ns)
+        phases, was_formed = self._phases, self._phases.trajectory_start_ns is not None
+        stages = self._ground.control(frame, phases.plan(), self.now_ns)
         self._vehicles.order(stages.target, self.now_ns)
-        if self._phase is Phase.TAKEOFF:
-            own = self._lab.commanded
-            if are_at_height(stages, range(len(own)), own, self._lab.flight.altitude_m):
-                self._enter(Phase.HOLD)
-        elif self._phase is Phase.FORMATION and self._plan.trajectory_start_ns is None:
-            self._watch_slots(stages)
+        phases.update(stages, self.now_ns)
+        if phases.trajectory_start_ns is not None and not was_formed and len(self._wind):
+            self._vehicles.blow(self._wind)
+        self._note_phases()
 
     def _watch_over(self) -> None:
         """Safety's rules, as often as the operator looks: no rule of tracking acts sooner."""
-        if self._ground.must_land(self._phase, self.now_ns):
-            self._enter(Phase.LAND)
+        if self._ground.must_land(self._phases.phase, self.now_ns):
+            self._pull(Trigger.LAND)
             self.result = FlightResult.ABORTED
-
-    def _watch_slots(self, stages: Stages) -> None:
-        """As gcs.flight: the leader's trajectory starts once every slot has been taken for a second."""
-        now_ns, settled_ns = self.now_ns, self._settled_since_ns
-        if float(slot_distances_m(stages, self._plan.shape).max()) > IN_SLOT_M:
-            self._settled_since_ns = None
-        elif settled_ns is None:
-            self._settled_since_ns = now_ns
-        elif now_ns - settled_ns >= SETTLE_NS:
-            start = np.array([*stages.state.pos_lab_m[0], stages.state.yaw_rad[0]])
-            self._plan = replace(self._plan, trajectory_start_ns=now_ns)
-            if len(self._wind):
-                self._vehicles.blow(self._wind)
-            self._leader_done_ns = now_ns + round(trajectory_from(self._lab, start).duration_s * 1e9)
 
     def _ask(self) -> None:
         """The operator looks, and asks for the next thing."""
-        now_ns, is_formed = self.now_ns, self._plan.trajectory_start_ns is not None
+        now_ns, phases = self.now_ns, self._phases
+        is_formed = phases.trajectory_start_ns is not None
         if is_formed:
             self._cameras.start(now_ns)
-        is_done = is_formed and now_ns >= self._leader_done_ns
-        self._operator.observe(OperatorView(self._phase, is_formed, is_done), now_ns)
+        self._operator.observe(OperatorView(phases.phase, is_formed, phases.trajectory_done(now_ns)), now_ns)
         request = self._operator.next_request(now_ns) if now_ns >= T0_NS + ARMED_AFTER_NS else None
         if request is not None:
-            after = advance(self._phase, Trigger(request.verb.value))
-            self._operator.receive(OperatorReply(request.id, after is not None, ""), now_ns)
-            if after is not None:
-                self._enter(after)
+            before = phases.phase
+            self._pull(Trigger(request.verb.value))
+            self._operator.receive(OperatorReply(request.id, phases.phase is not before, ""), now_ns)
         if self._operator.outcome is not None:
             self.result = self._operator.outcome.result
 
-    def _enter(self, phase: Phase) -> None:
-        self._phase, self._ground.now_ns = phase, self.now_ns
-        self._faults.enter(phase, self.now_ns)
-        self._plan = self._ground.plan_in(phase)
+    def _pull(self, trigger: Trigger) -> None:
+        self._phases.pull(trigger, Cause.OPERATOR, "", self.now_ns)
+        self._note_phases()
+
+    def _note_phases(self) -> None:
+        """Record the phases entered since the last call; faults may wait for one."""
+        self._ground.now_ns = self.now_ns
+        for change in self._phases.changes:
+            self._faults.enter(change.phase, self.now_ns)
+            self._ground.record(topics.PHASE, change)
+        self._phases.changes.clear()
+        self._phases.events.clear()
+
+
+def _drone(lab: LabConfig, index: int, sysid: int) -> Drone:
+    """A drone that always reports what is asked of it: armed and off-board, from now on."""
+    body = lab.vehicles[index]
+    link = DroneLink(body, sysid, lab.profile_of(body))
+    link.armed, link.offboard, link.telemetry.heartbeat_ns = True, True, NOTHING_DUE_NS
+    return Drone(index, link)
 
 
 class Host(StrEnum):

@@ -13,11 +13,15 @@ from math import inf
 import numpy as np
 
 from analysis.load import Flight, from_records
+from formation import topics
 from formation.codes import FlightResult
 from formation.config import LabConfig
 from formation.control.presets import Preset
+from formation.guidance.plan import Plan
+from formation.guidance.shape import configured
 from formation.maths import frames
-from formation.messages import LabFrame, Phase
+from formation.messages import Cause, LabFrame, Phase, PhaseChange
+from gcs.flight import PHASES
 from gcs.recording import run_metadata
 from sim import lockstep
 from sim.research.host import Ground, Host, Vehicles
@@ -89,7 +93,7 @@ class _Reflight:
         self._late_ns, self._watched_ns = round(change.delay_s * 1e9), recorded.begin_ns
         self._spacing_ns = 0.0 if change.rate_hz == inf else 1e9 / change.rate_hz
         self._phase = Phase.GROUND
-        self._plan = self._ground.plan_in(self._phase)
+        self._plan = self._plan_in(self._phase)
         self._aborted = False
 
     def fly(self, progress: Callable[[float], None]) -> tuple[FlightResult, Flight]:
@@ -152,10 +156,16 @@ class _Reflight:
         while self._phases and self._phases[0][0] < now_ns:
             t_ns, self._phase = self._phases.popleft()
             self._ground.now_ns = max(t_ns, T0_NS)
-            self._plan = self._ground.plan_in(self._phase)
+            self._plan = self._plan_in(self._phase)
         begun_ns = self._recorded.trajectory_ns
         if begun_ns is not None and begun_ns < now_ns and self._phase is Phase.FORMATION:
             self._plan = replace(self._plan, trajectory_start_ns=begun_ns)
+
+    def _plan_in(self, phase: Phase) -> Plan:
+        """The phase begins: it is recorded, and every drone led as it says."""
+        lab = self._recorded.lab
+        self._ground.record(topics.PHASE, PhaseChange(phase, "", Cause.OPERATOR))
+        return Plan((PHASES[phase].setpoint(lab.flight),) * len(lab.commanded), configured(lab))
 
 
 def _metadata(lab: LabConfig, name: str, law: ChosenLaw | None, gains: Preset | None) -> dict[str, str]:

@@ -93,6 +93,11 @@ def _no_constant(word: str) -> NoReturn:
     raise JsonError(f"{word} is no number of JSON")
 
 
+def number_text(value: float | None, times: float, digits: int, unknown: str = "-") -> str:
+    """The value in another unit, `times` as large, with so many digits; None is unknown."""
+    return unknown if value is None else f"{value * times:.{digits}f}"
+
+
 def rows(table: str) -> list[dict[str, str]]:
     """Each row of the table by the names of its columns, code marks left out."""
     lines = [[cell.strip().replace("`", "") for cell in line.strip()[1:-1].split("|")] for line in table.splitlines()]

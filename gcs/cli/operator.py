@@ -31,6 +31,7 @@ from wire.process.program import (
     with_options,
 )
 from wire.process.system import NO_GROUND, NOT_RIGHT, REJECTED, own_name
+from wire.text import number_text
 from wire.transport.lab_address import address_near
 
 if TYPE_CHECKING:
@@ -318,8 +319,8 @@ def print_status(state: "GroundState", console: "Console") -> None:
         position = ["-"] * 3 if drone.pos_lab_m is None else [f"{x:.2f}" for x in drone.pos_lab_m]
         cells = (
             str(drone.sysid), drone.body, drone.autopilot or "-", mode, "armed" if drone.armed else "-",
-            *position, _number(drone.battery, 100.0, 0), _number(drone.link_behind_s, 1e3, 0),
-            _number(drone.heartbeat_age_s, 1.0, 1, "never"), _number(drone.age_s, 1.0, 1, "never"),
+            *position, number_text(drone.battery, 100.0, 0), number_text(drone.link_behind_s, 1e3, 0),
+            number_text(drone.heartbeat_age_s, 1.0, 1, "never"), number_text(drone.age_s, 1.0, 1, "never"),
         )  # fmt: skip
         table.add_row(*map(Text, cells))  # what drones and people said is never markup
     console.print(table)
@@ -351,7 +352,3 @@ def next_steps(phase: Phase, allowed: Mapping[str, Sequence[str]]) -> list[str]:
     if may:
         return [f"next: {', '.join(may)}"]
     return [f"no reset: {reason}" for reason in allowed[Verb.RESET]] if stopped else []
-
-
-def _number(value: float | None, times: float, digits: int, unknown: str = "-") -> str:
-    return unknown if value is None else f"{value * times:.{digits}f}"

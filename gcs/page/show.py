@@ -22,6 +22,7 @@ from formation.safety.rules_table import (
 from gcs.rehearsal import Rehearsal
 from wire.ground_state import DroneState, GroundState
 from wire.link_messages import LandedState
+from wire.text import number_text
 
 COLUMNS = (
     "id", "name", "make", "mode", "armed", "landed", "batt", "charge", "pose", "setpoint", "late", "heard", "loss",
@@ -89,7 +90,7 @@ def row(drone: DroneState, flying: bool) -> tuple[Cell, ...]:
         Cell(mode, Level.WARN if drone.piloted else Level.CALM),
         _armed(drone),
         Cell(_LANDED.get(drone.landed, "-")),
-        Cell(_text(drone.battery_v, 1.0, 1)),
+        Cell(number_text(drone.battery_v, 1.0, 1)),
         _under(drone.battery, BATTERY_LOW, BATTERY_EMPTY, 100.0, 0),
         _over(drone.age_s, POSE_WARN_S, POSE_BAD_S, 1e3, 0, "never"),
         _over(drone.setpoint_age_s, LATE_SETPOINT_S, STALE_SETPOINT_S, 1e3, 0, "-"),
@@ -113,16 +114,12 @@ def _armed(drone: DroneState) -> Cell:
     return Cell("ARMED" if drone.armed else "off")
 
 
-def _text(value: float | None, times: float, digits: int, unknown: str = "-") -> str:
-    return unknown if value is None else f"{value * times:.{digits}f}"
-
-
 def _over(value: float | None, warn: float, bad: float, times: float, digits: int, unknown: str) -> Cell:
     """A value that is worse the larger it is; what never came is as bad as can be."""
     if value is None:
         return Cell(unknown, Level.BAD if unknown == "never" else Level.CALM)
     level = Level.BAD if value > bad else Level.WARN if value > warn else Level.CALM
-    return Cell(_text(value, times, digits), level)
+    return Cell(number_text(value, times, digits), level)
 
 
 def _under(value: float | None, warn: float, bad: float, times: float, digits: int) -> Cell:
@@ -130,7 +127,7 @@ def _under(value: float | None, warn: float, bad: float, times: float, digits: i
     if value is None:
         return Cell("-")
     level = Level.BAD if value < bad else Level.WARN if value < warn else Level.CALM
-    return Cell(_text(value, times, digits), level)
+    return Cell(number_text(value, times, digits), level)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,8 +4,9 @@ Inputs at the time they were received, then the tick, then what it put out: reco
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict
+from itertools import product
 
 from formation import topics
 from formation.config import LabConfig
@@ -43,20 +44,21 @@ class Thinning:
         self.detailed = True
         """Whether the last tick was recorded whole."""
 
-    def recorded(self, outgoing: Outgoing, now_ns: int) -> Iterator[tuple[Topic, object]]:
+    def recorded(self, outgoing: Outgoing, now_ns: int) -> list[tuple[Topic, object]]:
         """Those of a tick's outputs that are recorded, in order."""
-        for topic, message in outgoing.records:
+        staged, records = False, list(outgoing.records)
+        for topic, message in records:
+            staged = staged or topic is topics.STATE
             if topic is topics.PHASE and isinstance(message, PhaseChange):
                 self._calm = message.phase is Phase.GROUND
-        staged = any(topic is topics.STATE for topic, _ in outgoing.records)
         self.detailed = not self._calm or (staged and now_ns >= self._next_ns)
         if self.detailed:
             self._next_ns = now_ns + self._calm_ns
-        for topic, message in outgoing.records:
-            if self.detailed or topic not in STAGES:
-                yield topic, message
-        yield from ((topics.LINK_DOWN, datagram) for datagram in outgoing.datagrams)
-        yield from ((topics.REPLY, reply) for reply in outgoing.replies)
+        else:
+            records = [record for record in records if record[0] not in STAGES]
+        records += product((topics.LINK_DOWN,), outgoing.datagrams)
+        records += product((topics.REPLY,), outgoing.replies)
+        return records
 
 
 class Recorder:

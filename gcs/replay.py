@@ -4,7 +4,7 @@ Outputs are compared as a log holds them: those of control's stages in single pr
 """
 
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -95,7 +95,7 @@ def replay(log: Log, progress: Callable[[str], None] = lambda _text: None) -> Re
     return Replay(inputs, ticks, agreed, None)
 
 
-def _as_written(made: Iterator[Output], left_out: Mapping[str, frozenset[str]]) -> Iterator[Output]:
+def _as_written(made: Iterable[Output], left_out: Mapping[str, frozenset[str]]) -> Iterator[Output]:
     """The outputs without what the version that wrote the log did not record; left_out: such fields, by topic."""
     for topic, message in made:
         names = left_out.get(topic.name)

@@ -27,7 +27,6 @@ from sim.monitors import WITHOUT_NONE, Without
 from sim.process_input import ProcessInput
 from sim.scenario import Scenario, agent_configs, leader_seconds, recorded_leader
 from sim.script import Operator, OperatorView
-from wire.transport.memory_bus import NOTHING_DUE_NS
 
 T0_NS = 1_000_000_000
 OPERATOR_PERIOD_NS = 100_000_000
@@ -93,7 +92,7 @@ class World:
     @property
     def log_is_ill(self) -> bool:
         """Whether the first ground is there, and its log cannot be written."""
-        return self._grounds[0].is_running and bool(self.faults.active(Site.HOST))
+        return self._grounds[0].is_running and bool(self.faults.active[Site.HOST])
 
     def inject(self, faults: Sequence[Fault]) -> None:
         """Let these faults happen from now on instead of the scenario's; none of them may have begun yet."""
@@ -152,8 +151,12 @@ class World:
         due_ns = min(
             emulator.next_exposure_ns, emulator.cable.next_due_ns, self._operator_due_ns, self.faults.next_due_ns,
             self._late_raw.next_due_ns, self._late_frames.next_due_ns, self._late_requests.next_due_ns,
-            self._next_drone_due_ns(),
         )  # fmt: skip
+        due = self._drones_due
+        while due and due[0][3] is None and due[0][0] != self._in_order[due[0][1] // _TURNS].entered_ns:
+            heappop(due)  # entered anew since
+        if due:
+            due_ns = min(due_ns, due[0][0])
         for ground in self._grounds:
             due_ns = min(due_ns, ground.due_ns)
         return max(due_ns, self.now_ns)
@@ -168,7 +171,7 @@ class World:
         """Raw frames arrive at the mocap; its frames go to the ground and to every drone's own pose feed."""
         now_ns = self.now_ns
         for raw in self._emulator.pop_due(now_ns):
-            altered, delay_ns = self._camera_faults.alter(raw, self.faults.active(Site.CAMERAS), now_ns)
+            altered, delay_ns = self._camera_faults.alter(raw, self.faults.active[Site.CAMERAS], now_ns)
             self._late_raw.push(now_ns + delay_ns, altered)
         for raw in self._late_raw.pop_due(now_ns):
             if self._mocap_input.admits(raw):
@@ -181,7 +184,7 @@ class World:
                 self._record(MOCAP_EVENT, event, self.now_ns)
             if frame is None:
                 continue
-            met = [fault for _, fault, _ in self.faults.active(Site.BUS)]
+            met = [fault for _, fault, _ in self.faults.active[Site.BUS]]
             for receiver, thinning in self._thinning.items():
                 if not met:
                     self._deliver(receiver, frame)
@@ -202,12 +205,6 @@ class World:
             node = self._node_of[receiver]
             node.receive_frame(frame, self.now_ns)
             self._changed(node)
-
-    def _next_drone_due_ns(self) -> int:
-        due = self._drones_due
-        while due and due[0][3] is None and due[0][0] != self._in_order[due[0][1] // _TURNS].entered_ns:
-            heappop(due)  # entered anew since
-        return due[0][0] if due else NOTHING_DUE_NS
 
     def _serve(self, due_ns: int, turn: int, _: int, sent: Sent | None) -> None:
         """A datagram has arrived at a drone, it is to tick, or a datagram of it has arrived at the grounds."""
@@ -266,7 +263,7 @@ class World:
 
     def _hosts_report(self) -> None:
         """As the daemons' hosts do: who else is a ground on the lab's bus, and how the log fares."""
-        trouble = "; ".join(fault.text() for _, fault, _ in self.faults.active(Site.HOST))
+        trouble = "; ".join(fault.text() for _, fault, _ in self.faults.active[Site.HOST])
         for ground in self._grounds:
             others = tuple(other.name for other in self._grounds if other is not ground and other.is_running)
             ground.report(HostReport(others, trouble), self.now_ns)
@@ -290,7 +287,7 @@ class World:
     # Faults
 
     def _on_link(self, node: DroneNode, direction: str) -> list[tuple[Fault, int]]:
-        acting = self.faults.active(Site.LINK)
+        acting = self.faults.active[Site.LINK]
         if not acting:
             return []
         body = self._body[node.sysid]

@@ -8,6 +8,7 @@ where some have ended here.
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from itertools import repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,7 +92,7 @@ class GuardOutgoing(NamedTuple):
 
 def datagrams(sysid: int, packets: list[bytes]) -> tuple[Datagram, ...]:
     """The packets for, or of, that drone in as few datagrams as hold them."""
-    return tuple([Datagram(sysid, data) for data in packed(b"".join(packets))])
+    return tuple(map(Datagram, repeat(sysid), packed(b"".join(packets))))
 
 
 class GuardCore:
@@ -146,7 +147,7 @@ class GuardCore:
                     self._setpoints.rejections.note(frame.source.words, reject_reason, now_ns)
                     continue
             if frame.number in POSES:
-                ends = self._feed.is_rejecting or self._feed.fresh(now_ns)
+                ends = bool(self._feed.fault) or self._feed.fresh(now_ns)
             elif frame.number in SETPOINTS:
                 ends = self._filter_setpoint(frame, now_ns)
             else:
@@ -160,7 +161,10 @@ class GuardCore:
         self._now_ns = now_ns
         for frame in frames:
             ended = self._intercepted.get(frame.source, 0)
-            if self._is_stranger(frame.source.system) or self._ends(FROM_AUTOPILOT, frame):
+            is_stranger = frame.source.system != self._config.sysid
+            if is_stranger:
+                self._note_stranger(frame.source.system)
+            if is_stranger or self._ends(FROM_AUTOPILOT, frame):
                 self._intercepted[frame.source] = ended + 1
             else:
                 self._to_ground.append(renumbered(frame, frame.seq - ended) if ended else frame.data)
@@ -202,15 +206,16 @@ class GuardCore:
         if turn_ns is not None and turn_ns <= now_ns:
             # A PX4 that lands without poses flies at 0.4 m/s sideways: its estimate drifts, a level attitude does not.
             # But only an accelerometer brakes the body before; without one the autopilot's barometer lands it better.
-            alone = self._feed.is_rejecting and self._estimate.measures_force
+            alone = bool(self._feed.fault) and self._estimate.measures_force
             self._act(self._takeover.due(now_ns, fed=self._feed.fresh(now_ns), down=self._hold.is_down, alone=alone))
+            turn_ns = self._takeover.deadline_ns()
         for event in self._setpoints.due_events(now_ns):
             self._report(event.severity, f"{event.text} (from {event.source})")
         to_ground = datagrams(self._config.sysid, self._to_ground) if self._to_ground else ()
         innovations = self._estimate.pop_innovations(now_ns)
         outgoing = GuardOutgoing(to_ground, self._to_autopilot, self._events, innovations, self._estimate.faults)
         self._to_ground, self._to_autopilot, self._events, self._estimate.faults = [], [], [], []
-        self._update_due()
+        self.due_ns = self._beat_ns if turn_ns is None else min(self._beat_ns, turn_ns)
         return outgoing
 
     @property
@@ -224,7 +229,7 @@ class GuardCore:
         return self._feed.begun
 
     def _update_due(self) -> None:
-        """After every input and tick: when `tick` is due if nothing arrives."""
+        """After every input: when `tick` is due if nothing arrives."""
         if self._to_ground or self._to_autopilot or self._events:
             self.due_ns = self._now_ns
             return
@@ -292,7 +297,7 @@ class GuardCore:
     def _land_command(self, _source: Address, _message: CommandLong | CommandInt) -> Result | None:
         """Land the body here where its poses are faulty: this process brakes by an estimate from before the fault."""
         stage = self._takeover.stream.stage
-        own = self._takeover.descends_alone if stage is Stage.DESCEND else self._feed.is_rejecting
+        own = self._takeover.descends_alone if stage is Stage.DESCEND else bool(self._feed.fault)
         if not own or not self._takeover.on_fault(Trigger.LAND_COMMAND, self._now_ns):
             return None
         if stage is Stage.HOLD:
@@ -337,14 +342,11 @@ class GuardCore:
             self._to_ground.append(renumbered(frame, self._passed_seq))
             self._intercepted[self._target] = self._intercepted.get(self._target, 0) - 1
 
-    def _is_stranger(self, system: int) -> bool:
-        """Whether a frame of the autopilot's link is another system's; each of them is reported once."""
-        if system == self._config.sysid:
-            return False
+    def _note_stranger(self, system: int) -> None:
+        """A frame of the autopilot's link is another system's; each of them is reported once."""
         if system not in self._strangers:
             self._strangers.add(system)
             self._report(Severity.ERROR, f"The autopilot says it is system {system}, not {self._config.sysid}")
-        return True
 
     def _read_origin(self, _source: Address, _message: Origin) -> bool:
         self._lacks_origin = False
@@ -362,11 +364,13 @@ class GuardCore:
 
     def _read_sample(self, _source: Address, message: InertialSample) -> bool:
         self._inertial.receive_sample(message, self._now_ns)
+        self._feed.check()
         self._act_on_faults()
         return not self._inertial.passes
 
     def _read_attitude(self, _source: Address, message: AttitudeQuaternion) -> bool:
         self._inertial.receive_attitude(message, self._now_ns)
+        self._feed.check()
         self._act_on_faults()
         return False
 
@@ -419,11 +423,10 @@ class GuardCore:
 
     def _act_on_faults(self) -> None:
         """Hold a body whose poses are faulty, land one whose thrust is missing, stop one that nobody holds any more."""
-        now_ns = self._now_ns
-        rejected = self._feed.check(now_ns)
-        self._setpoints.pose_rejected = bool(rejected)
-        if rejected and self._takeover.on_fault(Trigger.POSE_FAULT, now_ns):
-            self._report(*pose_fault(rejected))
+        now_ns, fault = self._now_ns, self._feed.fault
+        self._setpoints.pose_rejected = bool(fault)
+        if fault and self._takeover.on_fault(Trigger.POSE_FAULT, now_ns):
+            self._report(*pose_fault(fault))
             self._hold.begin(now_ns)
         if self._estimate.is_thrust_lost(now_ns) and self._takeover.on_fault(Trigger.THRUST_LOSS, now_ns):
             self._report(*THRUST_LOSS)
@@ -454,7 +457,7 @@ class GuardCore:
 
         An autopilot that gets no poses may fly by itself. Without an accelerometer the command is all there is.
         """
-        followed = not (self._feed.is_rejecting and self._estimate.measures_force)
+        followed = not (self._feed.fault and self._estimate.measures_force)
         known = self._takeover.is_flown_by_setpoints and followed
         thrust = thrust_norm if known and not self._feed.stands else math.nan
         self._estimate.receive_command(self._now_ns, thrust, q_lab_from_flu if known else None)

@@ -83,7 +83,8 @@ class BodyEstimate:
         self._flown = False
         self._rate_flu_rad_s = np.zeros(3)
         self._stands = True
-        self._pose_fault = ""
+        self.pose_fault = ""
+        """The last detected fault of its poses; empty before the first."""
         self.faults: list[Fault] = []
         """Detected, until they are reported."""
         self._commanded_up: tuple[float, float, float] | None = None
@@ -95,18 +96,16 @@ class BodyEstimate:
 
     def receive_imu(self, t_ns: int, sample: InertialSample) -> None:
         """A HIGHRES_IMU, the mean until t_ns; a rate that is not known counts as none."""
-        rate = self._rate_flu_rad_s = _known(sample.rate_flu_rad_s)
+        rate = self._note_rate(t_ns, sample.rate_flu_rad_s)
         if self._navigator.receive_imu(_ONE, np.array([t_ns]), sample.specific_force_flu_m_s2[None], rate[None]):
             self._collect_faults()
-        self._note_rate(t_ns)
 
     def receive_attitude(self, t_ns: int, attitude: AttitudeQuaternion) -> None:
         """An ATTITUDE_QUATERNION, of t_ns."""
         q, rate = attitude.q_lab_from_flu, attitude.rate_flu_rad_s
-        self._rate_flu_rad_s = _known(rate)
+        self._note_rate(t_ns, rate)
         if self._navigator.receive_attitude(_ONE, np.array([t_ns]), q[None], rate[None]):
             self._collect_faults()
-        self._note_rate(t_ns)
         self._note_tilt(t_ns, q)
 
     def receive_command(self, t_ns: int, thrust_norm: float, q_lab_from_flu: Quat | None = None) -> None:
@@ -143,12 +142,15 @@ class BodyEstimate:
         if navigator.receive_pose(_ONE, np.array([t_ns]), pos_lab_m[None], q_lab_from_flu[None]):
             self._collect_faults()
         after = counts.tolist()
-        return next((reason for reason in _REASONS if after[reason] > before[reason]), RejectReason.NONE)
+        for reason in _REASONS:
+            if after[reason] > before[reason]:
+                return reason
+        return RejectReason.NONE
 
     @property
-    def pose_fault(self) -> str:
-        """The detected fault by which poses are rejected at present, empty where they are not."""
-        return self._pose_fault if self._pose_fault and self._navigator.rejecting[0] and not self._stands else ""
+    def rejects_poses(self) -> bool:
+        """Whether poses are rejected at present by the detected `pose_fault`."""
+        return bool(self._navigator.rejecting[0]) and not self._stands
 
     def is_thrust_lost(self, now_ns: int) -> bool:
         """Whether a detected loss of thrust has lasted: a mixer that saturates in a gust loses some for a moment."""
@@ -174,23 +176,36 @@ class BodyEstimate:
         lasts_ns = _TUMBLES_NS if self._stands else _STRAYS_NS
         return tumbles or (self._strays_since_ns is not None and now_ns - self._strays_since_ns >= lasts_ns)
 
-    def _note_rate(self, t_ns: int) -> None:
-        x_rad_s, y_rad_s, _ = self._rate_flu_rad_s.tolist()
+    def _note_rate(self, t_ns: int, rate_flu_rad_s: Vec3) -> Vec3:
+        """Notes the body rate, and since when it tumbles; the rate, zero along each axis that is not known."""
+        x_rad_s, y_rad_s, z_rad_s = rate_flu_rad_s.tolist()
+        if not isfinite(x_rad_s + y_rad_s + z_rad_s):
+            rate_flu_rad_s = np.nan_to_num(rate_flu_rad_s)
+            x_rad_s, y_rad_s, _ = rate_flu_rad_s.tolist()
+        self._rate_flu_rad_s = rate_flu_rad_s
         tumbles = math.hypot(x_rad_s, y_rad_s) > _TUMBLES * self._vehicle.rate_max_rad_s
-        self._tumbles_since_ns = _since(self._tumbles_since_ns, t_ns, lasts=tumbles)
+        if not tumbles:
+            self._tumbles_since_ns = None
+        elif self._tumbles_since_ns is None:
+            self._tumbles_since_ns = t_ns
+        return rate_flu_rad_s
 
     def _note_tilt(self, t_ns: int, q_lab_from_flu: Quat) -> None:
         wanted, up = self._commanded_up, thrust_axis(q_lab_from_flu)
         spins = abs(float(self._rate_flu_rad_s[2])) > _TUMBLES * self._vehicle.rate_yaw_max_rad_s
         past = spins or up[2] < TILT_MAX_COS
         strays = wanted is not None and past and sum(map(mul, wanted, up)) < _STRAYS_COS
-        self._strays_since_ns = _since(self._strays_since_ns, t_ns, lasts=strays)
+        strays = wanted is not None and past and sum(map(mul, wanted, up)) < _STRAYS_COS
+        if not strays:
+            self._strays_since_ns = None
+        elif self._strays_since_ns is None:
+            self._strays_since_ns = t_ns
 
     def _collect_faults(self) -> None:
         for fault in self._navigator.new_faults():
             self.faults.append(fault)
             if fault.signature.rolls_back:
-                self._pose_fault = fault.signature.name
+                self.pose_fault = fault.signature.name
             elif fault.amplitude[0] < 0.0 and self._loss is None:
                 self._loss = (fault.t_ns, float(self._navigator.thrust_scale[0]))
 
@@ -230,16 +245,6 @@ class BodyEstimate:
         )  # fmt: skip
 
 
-def _since(since_ns: int | None, t_ns: int, *, lasts: bool) -> int | None:
-    """Since when something lasts."""
-    return (t_ns if since_ns is None else since_ns) if lasts else None
-
-
-def _known(rate_flu_rad_s: Vec3) -> Vec3:
-    """The rate, zero along each axis that is not known."""
-    return rate_flu_rad_s if math.isfinite(sum(rate_flu_rad_s.tolist())) else np.nan_to_num(rate_flu_rad_s)
-
-
 def _bounded_scale(scale: float) -> float:
     return min(max(scale, _SCALE_LEAST), _SCALE_MOST)
 
@@ -273,7 +278,8 @@ class BodyFeed:
         """Where the body was in the last frame."""
         self._pose_due_ns = t0_ns
         self._seen_ns: int | None = None
-        self._rejecting_ns: int | None = None
+        self.fault = ""
+        """Why the poses are rejected, and the setpoints made from them, too; empty where they are not."""
         self._withholds = False
         """Whether the autopilot is shown no pose any more, until its motors are off."""
         self._same = 0
@@ -287,11 +293,6 @@ class BodyFeed:
         """Whether the body was ever seen."""
         return self._seen_ns is not None
 
-    @property
-    def is_rejecting(self) -> bool:
-        """Whether the poses are rejected: setpoints made from them are, too."""
-        return self._rejecting_ns is not None
-
     def fresh(self, now_ns: int) -> bool:
         """Whether it is known where the body is."""
         return self._seen_ns is not None and now_ns - self._seen_ns < _DEAD_RECKONING_NS
@@ -301,7 +302,7 @@ class BodyFeed:
 
         Where the body is becomes uncertain enough meanwhile for a pose that drifts to seem right again.
         """
-        self._withholds = self.is_rejecting
+        self._withholds = bool(self.fault)
 
     def receive_frame(self, frame: LabFrame, now_ns: int, *, armed: bool) -> VisionPose | None:
         """Receive a frame; returns the pose for the autopilot, at most fifty a second."""
@@ -316,18 +317,18 @@ class BodyFeed:
         if not frame.seen[index] or not all(map(isfinite, position_m)) or not all(map(isfinite, q.tolist())):
             if frame.rejected[index] == Rejection.FREEZE and not self.stands:
                 self._same = FROZEN_FRAMES
-                self.check(now_ns)
+                self.check()
             return None
         if not armed:
             self._floor_m, self._withholds = position_m[2], False
-        self.stands = not armed or (not self.is_rejecting and position_m[2] - self._floor_m <= _LIFTED_M)
+        self.stands = not armed or (not self.fault and position_m[2] - self._floor_m <= _LIFTED_M)
         reason = self._estimate.receive_pose(t_ns, pos, q, stands=self.stands)
         if reason is RejectReason.FROZEN:
             self._same += 1
         elif reason is RejectReason.NONE:
             self._same = 0
-        self.check(now_ns)
-        if self._rejecting_ns is not None or reason is not RejectReason.NONE:
+        self.check()
+        if self.fault or reason is not RejectReason.NONE:
             return None
         self._seen_ns = now_ns
         if self._withholds or now_ns < self._pose_due_ns:
@@ -335,13 +336,12 @@ class BodyFeed:
         self._pose_due_ns = max(self._pose_due_ns + _POSE_NS, now_ns)  # a steady 50 Hz out of frames that jitter
         return VisionPose(t_ns // 1000, pos, q)
 
-    def check(self, now_ns: int) -> str:
-        """Why the poses are rejected now, empty where they are not; after every input of the estimate."""
-        fault = self._estimate.pose_fault
-        if not fault and self._same >= FROZEN_FRAMES:
-            fault = "pose frozen"
-        self._rejecting_ns = (self._rejecting_ns or now_ns) if fault else None
-        return fault
+    def check(self) -> None:
+        """Find the `fault` of the poses; after every input of the estimate."""
+        estimate = self._estimate
+        self.fault = estimate.pose_fault if estimate.pose_fault and estimate.rejects_poses else ""
+        if not self.fault and self._same >= FROZEN_FRAMES:
+            self.fault = "pose frozen"
 
 
 _LISTEN_NS = 1_500_000_000  # before it is asked for: the autopilot may send it anyhow

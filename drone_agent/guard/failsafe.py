@@ -101,14 +101,10 @@ class StreamFailsafe:
         self._stale_s = stale_s
         self._land_s = land_s
         self._held_since_ns = 0
-        self._broken = False
+        self.broken = False
+        """Whether the stream broke off, and has not come back: one setpoint alone is none."""
         self.deadline_ns: int | None = None
         """When `advance` is next due, None while nothing is."""
-
-    @property
-    def broken(self) -> bool:
-        """Whether the stream broke off, and has not come back: one setpoint alone is none."""
-        return self._broken and self.stage is Stage.HOLD
 
     def pull(self, trigger: Trigger, now_ns: int) -> Stage | None:
         """The stage that begins, or begins anew; None where the trigger means nothing now."""
@@ -123,7 +119,7 @@ class StreamFailsafe:
             self.owner = None
         elif trigger in (Trigger.STREAM, Trigger.NO_STREAM):
             self.owner, self._next_owner = self._next_owner, None
-        self.stage, self._broken = after, trigger is Trigger.STALE
+        self.stage, self.broken = after, trigger is Trigger.STALE
         self._find_deadline()
         return after
 
@@ -151,13 +147,13 @@ class StreamFailsafe:
     def follow(self, source: Address, now_ns: int) -> bool:
         """Receive an obeyed setpoint; returns whether it ended a reported hold."""
         ruled = self.stage in RULED
-        due_ns = self.monitor.stale_at_ns(self._stale_s) if self._stale_s else None
+        due_ns = self.monitor.stale_at_ns(self._stale_s) if self.broken else None
         self.monitor.note(now_ns, may_begin=not ruled)
         if not ruled:
             return False
         if self.owner is None:
             self.owner = source
-        if self.broken and due_ns is not None and now_ns > due_ns:
+        if due_ns is not None and now_ns > due_ns:
             # The next one in time makes it a stream again; setpoints below the minimum rate end in hold and landing.
             return False
         held = self.stage is Stage.HOLD and self.reports_hold

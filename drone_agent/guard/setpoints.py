@@ -134,8 +134,10 @@ def turns_too_fast(target: AttitudeSetpoint, rate_max_rad_s: float) -> bool:
 
     Limited and passed on, as a tilt is, it would turn a drone over all the same that is sent no attitude beside it.
     """
-    rates = zip(_RATES, target.rate_flu_rad_s.tolist(), strict=True)
-    return any(not target.ignore & axis and not abs(rate) <= rate_max_rad_s for axis, rate in rates)
+    for axis, rate in zip(_RATES, target.rate_flu_rad_s.tolist(), strict=True):
+        if not target.ignore & axis and not abs(rate) <= rate_max_rad_s:
+            return True
+    return False
 
 
 def _tilted_less(q_lab_from_flu: Quat) -> Quat:

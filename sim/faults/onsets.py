@@ -23,7 +23,8 @@ class Onsets:
         """When each phase was first entered."""
         self._due: list[tuple[int, int, bool]] = []
         self._active: dict[int, int] = {}
-        self._at: dict[Site, list[tuple[int, Fault, int]]] = {}
+        self.active: Mapping[Site, Sequence[tuple[int, Fault, int]]] = dict.fromkeys(Site, ())
+        """Number, fault and onset of each that acts now, by where it acts."""
         for phase, t_ns in entered.items():
             self.enter(phase, t_ns)
 
@@ -58,16 +59,12 @@ class Onsets:
                 self.first_ns = t_ns if self.first_ns is None else self.first_ns
             else:
                 self._active.pop(i, None)
-        self._at = {
+        self.active = {
             site: [(i, self.faults[i], t_ns) for i, t_ns in self._active.items() if self.faults[i].site is site]
             for site in Site
         }
         self._update_next_due()
         return [(self.faults[i], begins) for _, i, begins in due]
-
-    def active(self, site: Site) -> Sequence[tuple[int, Fault, int]]:
-        """Number, fault and onset of each that acts there now."""
-        return self._at.get(site, ())
 
     def _update_next_due(self) -> None:
         self._due.sort(key=lambda entry: (entry[0], entry[1]))

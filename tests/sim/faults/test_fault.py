@@ -51,7 +51,7 @@ def test_a_fault_begins_when_its_phase_is_first_entered_and_ends_after_its_lengt
     assert onsets.pop_due(2_999_999_999) == []
     assert onsets.pop_due(3_000_000_000) == [(fault, True)]
     assert onsets.first_ns == 3_000_000_000
-    assert onsets.active(Site.CAMERAS) == [(0, fault, 3_000_000_000)]
-    assert list(onsets.active(Site.LINK)) == []
+    assert onsets.active[Site.CAMERAS] == [(0, fault, 3_000_000_000)]
+    assert list(onsets.active[Site.LINK]) == []
     assert onsets.pop_due(3_500_000_000) == [(fault, False)]
-    assert list(onsets.active(Site.CAMERAS)) == []
+    assert list(onsets.active[Site.CAMERAS]) == []

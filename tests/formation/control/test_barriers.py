@@ -230,6 +230,8 @@ def test_a_vehicle_at_its_speed_limit_gains_no_more_speed() -> None:
     out = kept([fast, FAR, body((-9.0, 0.0, 1.0))])
     np.testing.assert_allclose(out[0].acc_lab_m_s2, [1.0, 0.0, 3.0])
     assert out["limits_met"].tolist() == [Saturation.SPEED, 0, 0]
+    climbing = kept([body((0.0, 0.0, 1.0), (0.0, 1.8, 2.4), (1.0, 3.0, 4.0)), FAR, body((-9.0, 0.0, 1.0))])
+    np.testing.assert_allclose(climbing[0].acc_lab_m_s2, [1.0, 0.0, 0.0], atol=1e-12)
     beyond = kept([body((0.0, 0.0, 1.0), (4.0, 0.0, 0.0)), FAR, body((-9.0, 0.0, 1.0))])
     np.testing.assert_allclose(beyond[0].acc_lab_m_s2, [-6.0, 0.0, 0.0])
 

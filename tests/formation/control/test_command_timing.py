@@ -18,8 +18,7 @@ from formation.guidance.plan import Mode, Plan, Setpoint
 from formation.guidance.shape import configured
 from formation.messages import LabFrame
 from formation.vehicle.profile import PAPER_40G, PX4_QUAD, VehicleProfile
-from tests.formation.oracles.estimator import G
-from tests.formation.oracles.frames import rot_z
+from tests.formation.oracles.frames import G, rot_z
 from tests.formation.oracles.plant import Plant
 from tests.formation.oracles.response import answered, step, system
 from tests.formation.rig import Look, flown

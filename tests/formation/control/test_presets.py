@@ -6,38 +6,11 @@ import numpy as np
 import pytest
 
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, MocapConfig
-from formation.control.gains import CascadeGains, Gains, GeometricGains, Law, SlidingGains
+from formation.control.gains import Law
 from formation.control.presets import DEFAULT, PAPER_CFC, gain_scale_of, preset, preset_for, scaled_for
 from formation.control.settings import attitude_settings, force_limits, law_settings, observer_settings
 from formation.estimation.settings import ObserverGains
 from formation.vehicle.profile import ARDUCOPTER_QUAD, PAPER_40G, PX4_QUAD, GainScale
-from tests.formation.rig import law
-
-LAWS = [
-    SlidingGains(Law.CFC, c=4.0, p1=3.0, p2=0.5, eps=-0.2, smooth_m_s=0.06),
-    SlidingGains(Law.ISTSMC, c=1.0, p1=8.0, p2=0.1, eps=-0.49),
-    CascadeGains(2.0, 4.0, 1.0, 0.3),
-    GeometricGains(kx=9.0, kv=5.0, ki=4.0, mix=1.5, bound=1e3),
-]
-
-
-@pytest.mark.parametrize("gains", LAWS, ids=lambda g: type(g).__name__)
-@pytest.mark.parametrize("scale", [0.4, 0.7])
-def test_a_scale_scales_c_p1_p2_and_all_gains_by_their_dimension_in_time(gains: Gains, scale: float) -> None:
-    """All times 1/scale, speeds the same: lengths grow by 1/scale, accelerations by scale, their rates by its square.
-
-    So c, p1, kp, kv, mix go with scale (1/s), p2, ki, kx with its square (1/s^2), eps, kd and m/s not at all.
-    """
-    here, there = law(gains, 2.0), law(gains.scaled(scale), 2.0)
-    length = 1.0 / scale
-    memory_here, memory_there = 0.2, 0.2 * (length if isinstance(gains, GeometricGains) else scale)
-    for e, e_rate, e_acc, dt in ((0.05, -0.3, 0.7, 0.01), (-0.2, 0.4, 1.0, 0.02), (0.9, 0.1, -2.0, 0.01)):
-        one = here(e, e_rate, e_acc, memory_here, 1.3, dt)
-        other = there(e * length, e_rate, e_acc * scale, memory_there, 1.3, dt * length)
-        memory_here, memory_there = one.memory, other.memory
-        assert other.s == pytest.approx(one.s)
-        assert (other.back, other.t_m) == pytest.approx((scale * one.back, scale * one.t_m))
-        assert other.back_rate == pytest.approx(scale**2 * one.back_rate, rel=1e-6)
 
 
 def test_a_slower_observer_has_the_same_poles_in_its_own_time() -> None:

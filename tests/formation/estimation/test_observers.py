@@ -178,6 +178,24 @@ def test_a_push_is_the_fast_observers_z3_in_one_step(turn: tuple[float, float, f
     assert z[0].inertial.ratio > 1.0
 
 
+def test_a_push_that_z3_has_already_is_none_besides() -> None:
+    z, push = _hovering(), np.array([4.0, -3.0, 0.0])
+    z["dist_lab_m_s2"] = push
+    _feel(z[0], UP + push, 20)
+    assert _fast_z3(z[0]) == pytest.approx(push[:2])
+
+
+@pytest.mark.parametrize("noise_m", [3e-4, 1e-3])
+def test_the_noise_of_positions_is_learned_of_whatever_moves_along_a_parabola(noise_m: float) -> None:
+    z, rng = _hovering(), np.random.default_rng(2)
+    z["noise"]["var_m2"], z["noise"]["recent_ns"] = 4e-8, -1_000_000_000
+    for k in range(1500):
+        t_s = k * DT_S
+        pos = np.array([t_s, 0.5 * t_s * t_s, -0.2 * t_s * t_s]) + noise_m * rng.standard_normal(3)
+        learn_noise(z[0], round(t_s * 1e9), pos)
+    assert np.sqrt(z[0].noise.var_m2) == pytest.approx(noise_m, rel=0.15)
+
+
 def test_a_turn_within_the_step_is_counted_by_its_mean() -> None:
     """From 0.1 to 0.2 rad about y under a push along x: felt at 0.15 rad."""
     push, z = np.array([4.0, 0.0, 0.0]), _hovering(from_rotation_vector(np.array([0.0, 0.2, 0.0])))

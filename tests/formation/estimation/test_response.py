@@ -12,12 +12,13 @@ from formation.estimation.response import (
     NEVER_NS,
     SentCommands,
     answer,
+    learn_shift,
     no_history,
     remember,
     update_model_mismatch,
 )
 from formation.estimation.settings import ObserverSettings
-from formation.estimation.state import VehicleEstimate
+from formation.estimation.state import ModelError, VehicleEstimate
 from formation.maths.arrays import Float
 from formation.maths.records import Rows, blank
 from formation.vehicle.body import GRAVITY_M_S2
@@ -141,6 +142,14 @@ def test_an_answer_that_is_late_or_early_is_a_shift_and_no_mismatch(
     mismatch, shift_s = _judged(dead_s, lag_s)
     assert mismatch < 0.3 * MISMATCH_FAIR
     assert shift_s == pytest.approx(expected_s, abs=0.003)
+
+
+def test_a_shift_is_believed_by_half_where_rates_are_as_small_as_their_noise() -> None:
+    """0.25 m/s^3: of 20 ms that what is missed says, 10 are counted on."""
+    error = blank(ModelError, 1)[0]
+    error.slow_rate_m_s3[0], error.slow_innovation_m_s2[0] = 0.25, 0.25 * 0.02
+    learn_shift(error, 1e3, SHIFT_MOST_S)
+    assert error.delay_shift_s == pytest.approx(0.01)
 
 
 def test_a_shift_is_counted_on_only_so_far() -> None:

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from tests.formation.oracles.estimator import G
+from tests.formation.oracles.frames import G
 
 BRAKE, REACTION, RATE, SPEED_RATE = 4.0, 0.25, 6.0, 6.0
 SPEED, SEPARATION = 8, 32

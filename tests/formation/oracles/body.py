@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.formation.oracles.estimator import G
-from tests.formation.oracles.frames import axis_angle, rotation_matrix
+from tests.formation.oracles.frames import G, axis_angle, rotation_matrix
 
 SIDES = np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, -1.0, 0.0]])
 SPIN = np.array([1.0, 1.0, -1.0, -1.0])

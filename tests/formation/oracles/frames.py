@@ -1,7 +1,8 @@
-"""Rotations and rotating frames: matrices, cross products, Eq. (2). Imports nothing of the product."""
+"""Rotations and rotating frames: matrices, cross products, Eq. (2); gravity. Imports nothing of the product."""
 
 import numpy as np
 
+G = 9.8
 Z = np.array([0.0, 0.0, 1.0])
 
 

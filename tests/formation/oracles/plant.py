@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.formation.oracles.estimator import G
-from tests.formation.oracles.frames import attitude_matrix, axis_angle, rotation_matrix
+from tests.formation.oracles.frames import G, attitude_matrix, axis_angle, rotation_matrix
 from tests.formation.oracles.response import answered
 
 

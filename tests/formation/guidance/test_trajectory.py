@@ -1,5 +1,7 @@
 """Motions from rest to rest: the leader's trajectories, and a gap that closes continuously from any motion."""
 
+from math import sqrt
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -173,11 +175,28 @@ def test_min_jerk_golden() -> None:
     assert min_jerk(0.5) == pytest.approx((0.5, 1.875, 0.0))
 
 
-def test_closing_time_keeps_speed_and_acceleration() -> None:
-    far, near = np.zeros((4, 4)), np.zeros((4, 4))
-    far[0, 0] = 4.0
-    assert closing_s(far, braking_s(far), 0.5) == pytest.approx(15.0)  # 1.875 d / v
-    assert closing_s(near, braking_s(near), 0.5) == 0.6
+def test_closing_takes_as_long_as_speed_acceleration_turn_and_braking_need() -> None:
+    def gap(**rows: list[float]) -> np.ndarray:
+        out = np.zeros((4, 4))
+        for name, row in rows.items():
+            out["pvah".index(name)] = row
+        return out
+
+    def closing(gap: np.ndarray, speed: float) -> float:
+        return closing_s(gap, braking_s(gap), speed)
+
+    assert closing(gap(p=[3.0, 4.0, 0.0, 0.0]), 1.5) == pytest.approx(1.875 * 5.0 / 1.5)
+    assert closing(gap(p=[0.3, 0.0, 0.4, 0.0]), 9.0) == pytest.approx(sqrt(5.7735 * 0.5 / 2.5))
+    assert closing(gap(p=[0.0, 0.0, 0.0, -2.0]), 9.0) == pytest.approx(1.875 * 2.0)
+    assert closing(gap(h=[0.0, 0.0, 1.0, 0.0]), 0.5) == pytest.approx(3.4346 / 0.5)
+    assert closing(gap(p=[1.0, 0.0, 0.0, 0.0], h=[0.0, 0.0, 1.0, 0.0]), 9.0) == pytest.approx(sqrt(29.7735 / 2.5))
+    moving = gap(v=[2.0, 1.0, 2.0, 0.5])
+    assert braking_s(moving) == pytest.approx(2.0 * 3.0 / 2.5)
+    # It is braked along Hermite's cubic: half the speed times the time, plus a twelfth of the acceleration's share.
+    braked = gap(v=[2.0, 1.0, 2.0, 0.0], a=[0.5, -0.5, 1.0, 0.0])
+    ahead = 2.4 * (0.5 * np.array([2.0, 1.0, 2.0]) + np.array([0.5, -0.5, 1.0]) * 2.4 / 12.0)
+    assert closing(braked, 0.4) == pytest.approx(1.875 * np.linalg.norm(ahead) / 0.4)
+    assert closing(gap(), 0.5) == 0.6
 
 
 numbers = st.lists(st.floats(-3.0, 3.0), min_size=16, max_size=16)

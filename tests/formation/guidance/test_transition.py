@@ -122,11 +122,17 @@ def test_straight_ways_alone_keep_capts_share_of_the_spacing_between_followers(a
     assert apart.min() >= 0.5 / sqrt(2.0) - 1e-9
 
 
+def test_a_way_that_is_clear_is_straight() -> None:
+    start = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    assert transition(shape_of(1.4 * start), at_rest(start), SPACE, names(2)).rise_m == (0.0, 0.0)
+
+
 def test_one_who_must_cross_the_leader_passes_over_it() -> None:
     start, goal = np.array([[-0.6, 0.0, 0.0]]), np.array([[0.6, 0.0, 0.0]])
     way = transition(shape_of(goal), at_rest(start), SPACE, names(1))
     assert way.rise_m[0] > SPACE.clearance_m
     assert way.separation_m >= SPACE.clearance_m
+    assert way.duration_s == pytest.approx(1.875 * 1.2 + 3.4346 * way.rise_m[0])  # peak speeds of unit step and bump
 
 
 def test_under_a_low_ceiling_it_passes_below_and_in_a_slit_it_is_refused() -> None:

@@ -5,7 +5,7 @@ from pydantic import ValidationError
 
 from formation.config import PRESET_NAMES, LabConfig
 from formation.control.presets import PRESETS
-from formation.vehicle.profile import PAPER_40G
+from formation.vehicle.profile import PAPER_40G, BatteryProfile
 
 
 def lab(**changes: object) -> LabConfig:
@@ -105,3 +105,26 @@ def test_a_name_is_what_may_stand_in_a_path_a_key_and_a_page(name):
 
 def test_a_name_of_letters_digits_dots_and_dashes_is_taken():
     assert lab(name="Room-3_b.2", leader={"body": "x" * 64}).name == "Room-3_b.2"
+
+
+@pytest.mark.parametrize(("part", "key", "most"), [
+    ("mocap", "delay_s", 0.5), ("limits", "tilt_rad", 1.2), ("leader", "sysid", 250),
+    ("link", "ground_port_base", 65285), ("link", "drone_port_base", 65285),
+])  # fmt: skip
+def test_a_lab_is_refused_beyond_its_bounds(part: str, key: str, most: float) -> None:
+    def with_value(value: float) -> LabConfig:
+        return lab(**{part: {"body": "a", key: value} if part == "leader" else {key: value}})
+
+    assert getattr(getattr(with_value(most), part), key) == most
+    for wrong in (most * 1.01, -0.01) if isinstance(most, float) else (most + 1, 0):
+        with pytest.raises(ValidationError):
+            with_value(wrong)
+
+
+@pytest.mark.parametrize(("cells", "allowed"), [(0, False), (1, True), (14, True), (15, False)])
+def test_a_pack_has_one_to_fourteen_cells(cells: int, allowed: bool) -> None:
+    if allowed:
+        assert BatteryProfile(cells=cells).cells == cells
+    else:
+        with pytest.raises(ValidationError):
+            BatteryProfile(cells=cells)

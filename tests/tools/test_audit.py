@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tools.audit import UNKNOWN, VULNERABLE, audit, judge
+from tools.audit import UNKNOWN, VULNERABLE, judge
 
 SKIPPED = {
     "name": "aiofiles",
@@ -35,15 +35,3 @@ def test_only_what_was_looked_up_is_called_free_of_vulnerabilities(text: str, co
     verdict = judge(text)
     assert verdict.code == code
     assert words in verdict.text
-
-
-def test_it_asks_about_the_locked_packages_by_their_hashes() -> None:
-    asked: list[str] = []
-
-    def run(command: tuple[str, ...]) -> str:
-        asked.extend(command)
-        return report(CLEAN)
-
-    assert audit(run).code == 0
-    assert "--require-hashes" in asked
-    assert any(word.endswith("requirements.txt") for word in asked)

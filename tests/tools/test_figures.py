@@ -1,7 +1,5 @@
 """The tables of the study that ships."""
 
-import json
-
 import pytest
 
 from bench import calibrate_fan
@@ -23,11 +21,3 @@ def test_what_was_flown_is_the_study_that_ships(vehicle: str) -> None:
     assert list(flown.mismatches) == list(MISMATCHES)
     if len(flown.seeds) >= len(calibrate_fan.SEEDS):
         assert flown.controllers["istsmc"].gust_mean_dev_m == pytest.approx(0.30, abs=0.02)
-
-
-def test_what_is_kept_comes_back() -> None:
-    kept = paper_tables.kept("paper_40g").read_text(encoding="utf-8")
-    assert paper_tables.from_json(kept).to_json() + "\n" == kept
-    for broken in ("{}", "[]", "nothing", json.dumps({"controllers": {"cfc": {"speed": 1}}})):
-        with pytest.raises(ValueError, match=r"no comparison of `gcs-sim paper`"):
-            paper_tables.from_json(broken)

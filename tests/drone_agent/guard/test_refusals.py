@@ -8,7 +8,7 @@ from drone_agent.guard.core import GuardCore
 from drone_agent.guard.estimate import BodyEstimate
 from drone_agent.guard.position import BodyHold
 from drone_agent.guard.setpoints import TILT_MAX_RAD
-from drone_agent.guard.stages import MONITORS, Stage
+from drone_agent.guard.stages import Stage
 from formation.maths.arrays import Vec3
 from formation.maths.frames import from_rotation_vector
 from formation.messages import Datagram, LabFrame
@@ -285,8 +285,3 @@ def test_a_refused_landing_does_not_interrupt_its_own() -> None:
         last_ns = site.now_ns if own else last_ns
     assert site.stage is Stage.DESCEND
     assert max(gaps) <= 30 * MS
-
-
-@pytest.mark.parametrize("name", MONITORS)
-def test_each_monitor_can_be_done_without(name: str) -> None:
-    Bridged(without=frozenset({name}))

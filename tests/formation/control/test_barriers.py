@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 
 from formation.config import FollowerConfig, LabConfig, LeaderConfig, LimitsConfig
 from formation.control.law import Demand
@@ -172,7 +171,7 @@ PLACES = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.1], [0.1, 0.25, 0.9]])
 
 @pytest.mark.parametrize("seed", range(60))
 def test_the_change_is_the_least_that_keeps_every_pair(seed: int) -> None:
-    """Against all active sets tried out, and now and then SciPy; three bodies near each other, one may be observed.
+    """Against all active sets tried out; three bodies near each other, one may be observed.
 
     Two in five do not answer their commands, half of these not at all: nobody counts on them.
     """
@@ -195,8 +194,6 @@ def test_the_change_is_the_least_that_keeps_every_pair(seed: int) -> None:
     np.testing.assert_allclose(out["acc_lab_m_s2"], [bodies[n].acc + change[n] for n in own], atol=1e-6)
     assert out["limits_met"].tolist() == [bits[n] for n in own]
     assert max(bits) in (0, Saturation.SEPARATION)
-    if seed % 10 == 0:
-        assert np.sum(change**2) == pytest.approx(least(bodies), rel=1e-4)
 
 
 def test_one_squeezed_from_both_sides_is_left_with_a_finite_demand() -> None:
@@ -207,22 +204,6 @@ def test_one_squeezed_from_both_sides_is_left_with_a_finite_demand() -> None:
     settings[2].commanded_index = -1
     out = limit_demands(settings, wanted, estimates, references, NOW_NS)
     assert np.abs(out["acc_lab_m_s2"]).max() < 10.0
-
-
-def least(bodies: list[Moving]) -> float:
-    """The least sum of squares, by sequential quadratic programming."""
-    from tests.formation.oracles.barriers import closing
-
-    free = np.array([[float(b.controllable)] * 3 for b in bodies])
-
-    def over(x: np.ndarray, i: int, j: int) -> float:
-        n, excess = closing(bodies[i], bodies[j], 0.2)
-        moved = x.reshape(3, 3) * free
-        return float(n @ (moved[i] - moved[j]) - excess)
-
-    pairs = [(0, 1), (0, 2), (1, 2)]
-    rules = [{"type": "ineq", "fun": over, "args": pair} for pair in pairs]
-    return float(minimize(lambda x: x @ x, np.zeros(9), constraints=rules, tol=1e-12).fun)
 
 
 def test_a_vehicle_at_its_speed_limit_gains_no_more_speed() -> None:

@@ -106,17 +106,6 @@ def test_points_outside_a_box_are_judged_along_their_worst_axis() -> None:
     np.testing.assert_allclose(outside, [0.0, 0.2, 0.5, 0.7, 0.4])
 
 
-def test_the_nearest_neighbour_is_found_among_all() -> None:
-    points = np.random.default_rng(4).normal(size=(7, 3))
-    apart = np.linalg.norm(points[:, None] - points[None], axis=-1) + np.diag([np.inf] * 7)
-    np.testing.assert_allclose(nearest(points, np.ones(7, bool)), apart.min(axis=1))
-    assert nearest(points[:1], np.ones(1, bool)).tolist() == [np.inf]
-    known = np.array([True, False, True, True, False, True, True])
-    among = nearest(points, known)
-    np.testing.assert_allclose(among[known], apart[known][:, known].min(axis=1))
-    assert np.isinf(among[~known]).all()
-
-
 @pytest.mark.parametrize("seed", range(30))
 def test_the_nearest_by_a_sweep_is_the_nearest_of_all_to_the_bit(seed: int) -> None:
     """Also with many at one place along an axis, and some in one point."""

@@ -30,16 +30,11 @@ def test_a_job_that_fails_fails_the_batch(workers: int) -> None:
         run_all(double, [1, 7, 2], lambda: None, workers=workers)
 
 
-def test_every_controller_flies_every_experiment_on_every_seed_under_its_own_preset() -> None:
+def test_every_controller_flies_under_its_own_preset_and_nothing_twice() -> None:
     jobs = paper.jobs(range(1, 4))
-    assert len(jobs) == 7 * 3 * 3 + 5 * 3
     assert len(set(jobs)) == len(jobs)
-    assert {job.seed for job in jobs if job.traced} == {1}
     presets = {job.controller: experiments.scenario_of(job).lab.control_preset for job in jobs}
     assert presets == dict(CONTROLLERS)
-    assert {job.mismatch for job in jobs if (job.controller, job.experiment) == ("cfc", Experiment.GUST)} == {
-        None, *MISMATCHES,
-    }  # fmt: skip
 
 
 def test_the_table_holds_medians_and_null_where_no_flight_could_tell(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -48,6 +48,7 @@ def test_the_presets_that_a_lab_may_name_are_those_there_are():
         ({"limits": {"fence": {"low_m": (-1, -1, 2), "high_m": (1, 1, 2)}}}, "low_m is 2 and high_m 2 along z"),
         ({"limits": {"tilt_rad": 30}}, "radians are meant"),
         ({"control_preset": "heroic"}, "unknown control preset 'heroic'; known: default, pid_leader, paper"),
+        ({"leader": {"body": "a", "link": "tcp:1"}}, "not udp:HOST:PORT"),
         ({"leader": {"body": "a", "link": "udp:127.0.0.1:14540"}}, 'write guard = "none" to fly so'),
         ({"leader": {"body": "a", "link": "udp:127.0.0.1:0", "guard": "none"}}, "port 0 is not within 1 to 65535"),
         (

@@ -56,11 +56,7 @@ def _lab(tmp_path: Path, listen: bool = False, csv: str = "", port: int | None =
 @pytest.mark.parametrize(
     ("wrong", "key", "reason"),
     [
-        (("sysid = 2", 'sysid = 2\nlink = "tcp:1"'), "followers[0].link", "not udp:HOST:PORT"),
         (("offset_m", "# offset_m"), "followers[0].offset_m", "is missing"),
-        (('file = "', '# "'), "mocap.file", 'is missing: source "csv" needs `file`'),
-        (("sysid = 2", "sysid = 251"), "followers[0].sysid", ""),
-        (('body = "left"', 'body = "lead"'), "followers[0].body", "leader has it, too: two vehicles share a body name"),
         (('name = "cli', 'control_preset = "heroic"\nname = "cli'), "control_preset", "default, pid_leader, paper"),
     ],
 )

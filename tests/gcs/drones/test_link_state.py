@@ -74,9 +74,7 @@ def test_an_autopilot_that_was_gone_for_three_heartbeats_is_asked_for_everything
     [
         (MavAutopilot.PX4, 6 << 16, "OFFBOARD", True),
         (MavAutopilot.PX4, 4 << 16 | 6 << 24, "LAND", False),
-        (MavAutopilot.PX4, 99 << 16, "MODE 99", False),
         (MavAutopilot.ARDUPILOT, 4, "GUIDED", True),
-        (MavAutopilot.ARDUPILOT, 99, "MODE 99", False),
     ],
 )
 def test_a_heartbeat_tells_autopilot_arming_and_mode_in_its_own_words(autopilot, mode, name, offboard):

@@ -86,7 +86,7 @@ class Demand:
     """What the law asks of one vehicle, and the inside of how it got there; a record.
 
     e, e_rate, s, t_m, z_m: in the lead frame, Eqs. (5)-(6); acc: demanded acceleration, gravity excluded; lead_acc:
-    what the lag's inversion adds to it; acc_rate: of the reference and of drag on it; motion: predicted when the
+    what the lag's inversion adds to it; acc_rate, snap: of the reference and of drag on it; motion: predicted when the
     command is taken to hold; specific_force: modelled when it arrives; tilt_cos: predicted cosine of tilt when the
     thrust does; yaw, yaw_rate: of the heading asked for; limits_met: bits of formation.messages.Saturation for what has
     altered it since.
@@ -100,6 +100,7 @@ class Demand:
     acc_lab_m_s2: Vec3
     lead_acc_lab_m_s2: Vec3
     acc_rate_lab_m_s3: Vec3
+    snap_lab_m_s4: Vec3
     motion: Motion
     specific_force_lab_m_s2: Vec3
     tilt_cos: float
@@ -212,6 +213,9 @@ def _vertical_demand(
     hold_ns = now_ns + int(dead_s * 1e9)
     situation(i, n, context, hold_ns, int(lag_s * 1e9) // 2, w)
     out.yaw_rad, out.yaw_rate_rad_s = w.lab[0, 3], w.lab[1, 3]
+    if context.references[i].kind == SLOT:
+        out.yaw_rad += w.heading[0] - w.lead[0, 3]
+        out.yaw_rate_rad_s += w.heading[1] - w.lead[1, 3]
     z3 = context.estimates[n].dist_lab_m_s2[2]
     for axis in range(2, 3):  # as a plain 2 it would be a type of its own to numba, and compiled again
         _feed_back(axis, law.vertical, law.speed_m_s, 1.0, memory, context.references[i].airborne, dt_s, w, out)
@@ -367,6 +371,7 @@ def _invert_lag(
     misses.
     """
     coming = w.lab_change[2, axis] + drag_1_s * w.lab_change[1, axis]
-    out.acc_rate_lab_m_s3[axis] = coming / lag_s
+    bend = w.lab_bend[2, axis] + drag_1_s * w.lab_bend[1, axis]
+    out.acc_rate_lab_m_s3[axis], out.snap_lab_m_s4[axis] = coming / lag_s, 4.0 * bend / (lag_s * lag_s)
     missing = out.acc_lab_m_s2[axis] - (w.mine[2, axis] - z3)
     out.lead_acc_lab_m_s2[axis] = coming + share * lag_s * w.feedback_rate[axis] - rising + pull * missing

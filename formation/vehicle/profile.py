@@ -236,33 +236,36 @@ PAPER_40G_PRINTED = PAPER_40G.model_copy(
 PX4_QUAD = VehicleProfile(
     name="px4_quad",
     mass_kg=1.0,
-    inertia_kg_m2=(0.005, 0.005, 0.009),
+    inertia_kg_m2=(0.01325, 0.01325, 0.0159),
     wheelbase_m=0.3,
     rotor_radius_m=0.0635,
     thrust_max_n=20.0,
     thrust_curve=0.0,
-    yaw_torque_m=0.05,
-    motor_lag_s=0.02,
+    yaw_torque_m=0.0106,
+    motor_lag_s=0.05,
     drag_n_s_m=(1.0, 1.0, 1.0),
-    attitude_p_1_s=11.0,
-    yaw_p_1_s=4.0,
-    rate_p_1_s=45.0,
-    rate_yaw_p_1_s=12.0,
+    attitude_p_1_s=6.5,
+    yaw_p_1_s=2.8,
+    rate_p_1_s=15.0,
+    rate_yaw_p_1_s=2.7,
     rate_max_rad_s=3.8,
     rate_yaw_max_rad_s=3.5,
     rate_feed_forward=False,
-    command_delay_s=0.08,
-    response_dead_time_s=0.11,
-    response_lag_s=0.06,
-    thrust_dead_time_s=0.08,
-    thrust_lag_s=0.02,
+    command_delay_s=0.01,
+    response_dead_time_s=0.105,
+    response_lag_s=0.065,
+    thrust_dead_time_s=0.01,
+    thrust_lag_s=0.06,
     battery=BatteryProfile(cells=4, capacity_mah=3300.0, hover_current_a=12.0),
 )
 """PX4's own simulation, SIH, of a quadcopter.
 
 From PX4's sources (v1.16, modules/simulation/simulator_sih): mass, full thrust (SIH_MASS, four times SIH_T_MAX), drag
-(SIH_KDV: 1 N s/m, more than most vehicles have). response_* and thrust_*: as its attitudes answer over loopback UDP.
-Inertia is less than SIH's 0.025 kg m^2.
+(SIH_KDV: 1 N s/m, more than most vehicles have), motors (SIH_T_TAU), attitude and yaw gain (MC_ROLL_P 6.5, MC_YAW_P
+2.8; from v1.17 on MC_ROLL_P is 4.0: identify such a vehicle). Yaw's rate gain: MC_YAWRATE_P (0.2) times what SIH's
+torque turns its inertia by (four SIH_Q_MAX over SIH_IZZ): a slow yaw. Size: of a lab's vehicle, and
+inertia and yaw torque with it, so that it turns as SIH's does. Rate gain, response_* and thrust_*: as `gcs-log
+identify` finds them in its flights over loopback UDP.
 """
 ARDUCOPTER_QUAD = VehicleProfile(
     name="arducopter_quad",

@@ -31,7 +31,7 @@ FINGERPRINTS = {
     "preset geometric": "2e4bad7e4fee",
     "vehicle paper_40g": "1770b884a6f6",
     "vehicle paper_40g_printed": "1486635ff446",
-    "vehicle px4_quad": "3c21c8ed1c2a",
+    "vehicle px4_quad": "2ed2b7fc8b12",
     "vehicle arducopter_quad": "7112c247becf",
     "vehicle crazyflie_27g": "37c03f0ed4dc",
     "vehicle quad_250g": "e244328d0ca7",

@@ -32,6 +32,7 @@ LIFT_MOST = 0.92  # of full thrust: what is left turns the vehicle
 UPWARD_MOST = 0.88  # of that: climbing must leave something to steer with
 LEAD_TILT_RAD = 1.1  # how far the lag's inversion may point where body rates carry it
 AUTHORITY_LEAST = 0.55  # of a vehicle that does not answer as its profile says
+TURN_STEP_S = 0.01  # over which the heading's turn is differentiated
 RAMP_START, RAMP_1_S, RAMP_MOST = 0.2, 0.9, 1.9  # thrust over weight while waiting for lift-off
 
 
@@ -67,14 +68,15 @@ def turn_authority(profile: VehicleProfile) -> float:
 class AttitudeSettings:
     """What turns one commanded vehicle's demand into a target; a record.
 
-    attitude_lag_s: what the demand's lead inverts; rate_feed_forward: whether its autopilot adds the body rates of a
-    target.
+    attitude_lag_s: what the demand's lead inverts; yaw_lag_s: by how much its yaw rate is later than attitude's dead
+    time; rate_feed_forward: whether its autopilot adds the body rates of a target.
     """
 
     thrust_curve: float
     attitude_lag_s: float
     attitude_p_1_s: float
     yaw_p_1_s: float
+    yaw_lag_s: float
     rate_feed_forward: bool
     rate_max_rad_s: float
     tilt_max_rad: float
@@ -304,13 +306,26 @@ def _heading_turn(s: AttitudeSettings, wanted: Demand, thrust_scale: float, aim:
 
     A tilt that changes takes a turn about z_b too, or the heading wanders. Of that turn the autopilot's heading loop
     asks for a part by itself: its tilt is behind the target's by the turn over attitude_p_1_s, less what the body rates
-    carry, and from one tilt to the next at the same heading the error has a twist (Brescianini et al. 2013).
+    carry, and from one tilt to the next at the same heading the error has a twist (Brescianini et al. 2013). The yaw
+    rate comes late by yaw_lag_s: about z_b a vehicle is turned by its rotors' drag alone.
     """
-    rate = np.empty(3)
-    body_rates(aim, wanted.acc_rate_lab_m_s3 / thrust_scale, wanted.yaw_rad, wanted.yaw_rate_rad_s, rate)
-    of_tilt = rate[2] / upright(aim) - wanted.yaw_rate_rad_s
     behind_s = 1.0 / s.attitude_p_1_s - (s.attitude_lag_s if s.rate_feed_forward else 0.0)
-    turn: float = wanted.yaw_rate_rad_s + (1.0 - s.yaw_p_1_s * behind_s) * of_tilt
+    later, rate = np.empty(3), np.empty(3)
+    for axis in range(3):
+        later[axis] = aim[axis] + TURN_STEP_S * wanted.acc_rate_lab_m_s3[axis] / thrust_scale
+        rate[axis] = wanted.acc_rate_lab_m_s3[axis] + TURN_STEP_S * wanted.snap_lab_m_s4[axis]
+    now = _turn_of_tilt(aim, wanted.acc_rate_lab_m_s3, wanted, thrust_scale)
+    growing = (_turn_of_tilt(later, rate, wanted, thrust_scale) - now) / TURN_STEP_S
+    turn: float = wanted.yaw_rate_rad_s + now + s.yaw_lag_s * growing - s.yaw_p_1_s * behind_s * now
+    return turn
+
+
+@kernel
+def _turn_of_tilt(force: Float, acc_rate_lab_m_s3: Float, wanted: Demand, thrust_scale: float) -> float:
+    """What the turn of a force (3) alone asks of the rate of the heading, rad/s."""
+    rate = np.empty(3)
+    body_rates(force, acc_rate_lab_m_s3 / thrust_scale, wanted.yaw_rad, wanted.yaw_rate_rad_s, rate)
+    turn: float = rate[2] / upright(force) - wanted.yaw_rate_rad_s
     return turn
 
 

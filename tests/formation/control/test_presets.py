@@ -20,14 +20,15 @@ def test_a_slower_observer_has_the_same_poles_in_its_own_time() -> None:
 
 
 def test_the_gain_scale_is_inverse_to_the_loops_delay() -> None:
-    """By hand, 50 Hz and 20 ms. Horizontal: wait 0.02 + 1.5 / 50 = 0.05; PX4 0.05 + 0.22 + 0.06 = 0.33.
+    """By hand, 50 Hz and 20 ms. Horizontal: wait 0.02 + 1.5 / 50 = 0.05; PX4 0.05 + 0.21 + 0.065 = 0.325.
 
     Vertical: 0.03 over 0.02 + 0.08, the dead times of cameras and thrust.
     """
     cameras = MocapConfig(rate_hz=50.0, delay_s=0.02)
-    gain_scale = gain_scale_of(PX4_QUAD, cameras)
+    late = PX4_QUAD.model_copy(update={"thrust_dead_time_s": 0.08})
+    gain_scale = gain_scale_of(late, cameras)
     assert (gain_scale.horizontal, gain_scale.observer, gain_scale.vertical) == pytest.approx(
-        (0.17 / 0.33, 0.17 / 0.33, 0.3)
+        (0.17 / 0.325, 0.17 / 0.325, 0.3)
     )
     assert gain_scale.compensation == 1.0
     assert gain_scale_of(PAPER_40G, MocapConfig()) == GainScale()
@@ -94,5 +95,5 @@ def test_bodies_and_limits_reach_the_law_and_the_attitude() -> None:
     np.testing.assert_allclose(limits["fence_low_m"], [CONFIG.limits.fence.low_m] * 2)
     np.testing.assert_allclose(limits["fence_high_m"], [CONFIG.limits.fence.high_m] * 2)
     np.testing.assert_allclose(attitude["tilt_max_rad"], [0.6] * 2)
-    np.testing.assert_allclose(attitude["yaw_p_1_s"], [4.0, 6.7])
+    np.testing.assert_allclose(attitude["yaw_p_1_s"], [2.8, 6.7])
     np.testing.assert_allclose(laws["speed_m_s"], [3.0] * 2)

@@ -224,3 +224,27 @@ def test_an_unknown_preset_is_refused_by_name() -> None:
 def test_warming_up_leaves_nothing_to_compile() -> None:
     warm_up(triangle(), (PAPER,) * 3)
     warm_up(many([(1.0, 0.0, 0.0)]), (PAPER,) * 2)
+
+
+@pytest.mark.parametrize("commanded", [True, False])
+def test_slots_turn_with_a_leader_that_wobbles_but_their_drones_as_its_plan_where_that_is_known(
+    commanded: bool,
+) -> None:
+    """It swings by 10 mrad at 0.4 Hz; a yaw loop as slow as PX4's answers that with three times as much."""
+    config = triangle()
+    if not commanded:
+        config = config.model_copy(update={"leader": LeaderConfig(body="leader")})
+    bodies = config.vehicles[not commanded :]
+    plan = Plan((Setpoint(Mode.FORMATION),) * len(bodies), configured(config))
+    stack, hover = ControlStack(config, (PAPER,) * 3), np.full(len(bodies), PAPER.hover_thrust_norm)
+    pos = np.array([(0.0, 0.0, 0.3), *((x, y, 0.3) for x, y, _ in OFFSETS)])
+    slots_rad, asked_rad = [], []
+    for i in range(500):
+        q = np.array([frames.from_yaw(0.01 * np.sin(0.8 * np.pi * i * 0.01)), frames.IDENTITY, frames.IDENTITY])
+        t_ns = START_NS + i * 10_000_000
+        frame = LabFrame(i, t_ns, tuple(v.body for v in config.vehicles), pos, q, np.ones(3, np.bool_))
+        stages = stack.step(t_ns + 5_000_000, frame, plan, hover)
+        slots_rad.append(stages.reference.heading_rad[-1])
+        asked_rad.append(stages.command.yaw_rad[-1])
+    assert np.std(slots_rad[250:]) > 0.005
+    assert np.std(asked_rad[250:]) == 0.0 if commanded else np.std(asked_rad[250:]) > 0.005

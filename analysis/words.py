@@ -91,7 +91,7 @@ def _path(path: TrajectoryConfig) -> str:
         case "polynomial":
             points = counted(len(path.waypoints_m), "waypoint")
             return f"fly through {points} without stopping, at up to {path.speed_m_s:g} m/s{turning}"
-        case "file" | "csv" | "own":
+        case "file" | "own":
             return f"fly the way of {path.file or path.name}, {path.points[-1][0]:.1f} s long{turning}"
         case "hold":
             return f"hold its place{turning}"

@@ -10,9 +10,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from formation.model import Model, Name, NoFlag, Number, Positive, Vec3Tuple, WrongKeyError
 
-TrajectoryKind = Literal[
-    "hold", "line", "circle", "figure8", "lissajous", "waypoints", "polynomial", "file", "csv", "own"
-]  # fmt: skip
+TrajectoryKind = Literal["hold", "line", "circle", "figure8", "lissajous", "waypoints", "polynomial", "file", "own"]
 PathPoint = tuple[Number, Number, Number, Number, Number]
 """Time from the beginning, s; x, y, z in `lab`, m; heading about lab z, rad."""
 POINTS_MOST, WAYPOINTS_MOST = 20_000, 500
@@ -41,13 +39,10 @@ KINDS: Mapping[TrajectoryKind, Keys] = MappingProxyType(
         "waypoints": Keys(frozenset({"waypoints_m", "speed_m_s", "laps"}), "speed_m_s", "waypoints_m"),
         "polynomial": Keys(frozenset({"waypoints_m", "speed_m_s", "laps"}), "speed_m_s", "waypoints_m"),
         "file": Keys(frozenset({"file", "points", "relative"}), "file", "file"),
-        "csv": Keys(frozenset({"file", "points", "relative"}), "file", "file"),
         "own": Keys(frozenset({"name", "options", "points", "relative"}), "options", "options"),
     }
 )
-FROM_FILE = ("file", "csv")
-"""The second is the first one's old name."""
-FROM_OUTSIDE = (*FROM_FILE, "own")
+FROM_OUTSIDE = ("file", "own")
 
 
 class PathReader(Protocol):
@@ -98,6 +93,8 @@ class TrajectoryConfig(Model):
     @classmethod
     def _read_outside(cls, values: Any, info: ValidationInfo) -> Any:
         """The points of what is outside the lab file, where they are not in it already."""
+        if isinstance(values, dict) and values.get("kind") == "csv":
+            raise WrongKeyError("kind", 'is gone: write "file", which reads a CSV, too', "csv")
         if not isinstance(values, dict) or values.get("kind") not in FROM_OUTSIDE or values.get("points"):
             return values
         reader: PathReader | None = info.context
@@ -112,8 +109,8 @@ class TrajectoryConfig(Model):
     def _is_whole(self) -> Self:
         if self.kind in ("waypoints", "polynomial") and not self.waypoints_m:
             raise WrongKeyError("waypoints_m", f'is missing: kind "{self.kind}" needs `waypoints_m`, points of the lab')
-        if self.kind in FROM_FILE and not (self.file or self.points):
-            raise WrongKeyError("file", f'is missing: kind "{self.kind}" flies the way in it')
+        if self.kind == "file" and not (self.file or self.points):
+            raise WrongKeyError("file", 'is missing: kind "file" flies the way in it')
         if self.kind == "own" and not (self.name or self.points):
             raise WrongKeyError("name", 'is missing: kind "own" flies what a package has registered under it')
         if self.kind in FROM_OUTSIDE:

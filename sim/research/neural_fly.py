@@ -141,7 +141,7 @@ def scenario_of(recording: Recording) -> Scenario:
     points = tuple((t, *at, 0.0) for t, at in zip(recording.t_s.tolist(), recording.reference_m.tolist(), strict=True))
     lab = LabConfig(
         profiles=(VEHICLE,),
-        leader=LeaderConfig(body="leader", sysid=1, trajectory=TrajectoryConfig(kind="csv", points=points)),
+        leader=LeaderConfig(body="leader", sysid=1, trajectory=TrajectoryConfig(kind="file", points=points)),
         followers=(
             FollowerConfig(body="follower", sysid=FOLLOWER_SYSID, profile=VEHICLE.name, offset_m=BESIDE_M),
         ),

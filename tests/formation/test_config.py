@@ -63,6 +63,7 @@ def test_the_presets_that_a_lab_may_name_are_those_there_are():
         ({"link": {"drone_port_base": 80}}, "greater than or equal to 1024"),
         ({"origin": (147.0, 8.0, 400.0)}, "not a place on the globe"),
         ({"leader": {"body": "a", "sysid": 1, "trajectory": {"kind": "waypoints"}}}, "needs `waypoints_m`"),
+        ({"leader": {"body": "a", "sysid": 1, "trajectory": {"kind": "csv", "file": "x"}}}, 'write "file"'),
         (
             {"leader": {"body": "a", "sysid": 1, "trajectory": {"kind": "circle", "laps": 0}}},
             "greater than or equal to 1",

@@ -32,7 +32,7 @@ def installed(tmp_path: Path) -> Iterator[None]:
 
 def test_a_way_in_a_file_beside_the_lab_file_becomes_part_of_the_configuration(tmp_path: Path) -> None:
     (tmp_path / "way.csv").write_text("t,x,y,z,yaw\n0,0,0,0.5,0\n\n2, 1,0,0.5,0\n4,1,1,0.5,1.57\n")
-    config = lab(tmp_path, '{ kind = "csv", file = "way.csv" }')
+    config = lab(tmp_path, '{ kind = "file", file = "way.csv" }')
     assert config.leader.trajectory.points[1] == (2.0, 1.0, 0.0, 0.5, 0.0)
     (tmp_path / "way.csv").unlink()
     (tmp_path / "again.toml").write_text(dump(config))
@@ -54,7 +54,7 @@ def test_a_file_that_is_no_way_is_named_with_its_line(tmp_path: Path, text: str 
     if text is not None:
         (tmp_path / "way.csv").write_text(text)
     with pytest.raises(ConfigError) as error:
-        lab(tmp_path, '{ kind = "csv", file = "way.csv" }')
+        lab(tmp_path, '{ kind = "file", file = "way.csv" }')
     assert told in str(error.value)
 
 
@@ -64,7 +64,7 @@ def test_a_file_of_any_kind_is_refused_in_one_line_that_shows_nothing_of_it(tmp_
     (tmp_path / "many.csv").write_text("0,0,0,0,0\n" * 20_001)
     (tmp_path / "quoted.csv").write_text('"' + "secret," * 40_000)
     with pytest.raises(ConfigError) as error:
-        lab(tmp_path, f'{{ kind = "csv", file = "{file}" }}')
+        lab(tmp_path, f'{{ kind = "file", file = "{file}" }}')
     (problem,) = error.value.problems
     assert "0:0" not in problem
     assert "secret" not in problem

@@ -32,7 +32,7 @@ KINDS = [
     TrajectoryConfig(kind="figure8", length_m=1.2, period_s=8.0, laps=2),
     TrajectoryConfig(kind="lissajous", amplitude_m=(0.6, 0.4, 0.1), cycles=(3, 2, 1), phase_rad=(0.5, 0.0, 0.1)),
     TrajectoryConfig(kind="polynomial", waypoints_m=((1.0, 0.0, 0.5), (1.0, 1.0, 1.0), (0.0, 0.0, 0.3)), laps=2),
-    TrajectoryConfig(kind="csv", points=tuple((t, t * t / 9.0, 0.5 * t, 0.4, 1.2 * t) for t in (0.0, 1.0, 2.5, 3.0))),
+    TrajectoryConfig(kind="file", points=tuple((t, t * t / 9.0, 0.5 * t, 0.4, 1.2 * t) for t in (0.0, 1.0, 2.5, 3.0))),
 ]
 
 
@@ -149,7 +149,7 @@ def test_one_polynomial_from_rest_to_rest_is_the_one_of_least_snap() -> None:
 
 def test_recorded_points_are_met_and_headings_unwound() -> None:
     points = tuple((0.01 * k, np.sin(0.02 * k), 0.0, 0.5, (0.05 * k + np.pi) % (2 * np.pi) - np.pi) for k in range(400))
-    path = anchored(TrajectoryConfig(kind="csv", points=points), ANCHOR, 0.0)
+    path = anchored(TrajectoryConfig(kind="file", points=points), ANCHOR, 0.0)
     assert path.duration_s == pytest.approx(3.99)
     for k in (0, 7, 150, 399):
         assert motion(path, points[k][0])[0] == pytest.approx([*points[k][1:4], 0.05 * k], abs=1e-9)
@@ -162,7 +162,7 @@ def test_recorded_points_are_met_and_headings_unwound() -> None:
 ])  # fmt: skip
 def test_points_that_are_no_way_are_refused(points: tuple[tuple[float, ...], ...], told: str) -> None:
     with pytest.raises(ValueError, match=told):
-        TrajectoryConfig.model_validate({"kind": "csv", "points": points})
+        TrajectoryConfig.model_validate({"kind": "file", "points": points})
 
 
 def test_turn_reaches_its_rate_and_adds_to_the_heading() -> None:

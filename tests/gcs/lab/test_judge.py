@@ -179,7 +179,7 @@ MISTAKES: list[tuple[str, dict[str, object], str]] = [
     ("height with z down", {"flight": {"altitude_m": -1.0}}, "flight.altitude_m"),
     ("a point without z", {"leader": flies("waypoints", waypoints_m=[[1.0, 0.0]])},
      "leader.trajectory.waypoints_m[0][2]"),
-    ("a file that is not there", {"leader": flies("csv", file="path.csv")}, "leader.trajectory.file"),
+    ("a file that is not there", {"leader": flies("file", file="path.csv")}, "leader.trajectory.file"),
     ("a misspelt key", {"flight": {"clim_m_s": 0.4}}, "flight.clim_m_s"),
     ("more than the autopilot sends", {"link": {"imu_rate_hz": 1000.0}}, "link.imu_rate_hz"),
     ("a number in quotes", {"mocap": {"vicon": {"port": "801"}}}, "mocap.vicon.port"),

@@ -26,7 +26,7 @@ TRAJECTORIES = [
     "phase_rad = [0.0, 0.0, 0.0], period_s = 12.0, laps = 1 }",
     '{ kind = "waypoints", waypoints_m = [[0.0,0.0,0.5],[1.0,0.0,0.5]], speed_m_s = 0.5, laps = 1 }',
     '{ kind = "polynomial", waypoints_m = [[0.0,0.0,0.5],[1.0,0.0,0.5],[1.0,1.0,0.5]], speed_m_s = 0.5, laps = 1 }',
-    '{ kind = "csv", points = [[0.0,0.0,0.0,0.5,0.0],[2.0,1.0,0.0,0.5,0.0]] }',
+    '{ kind = "file", points = [[0.0,0.0,0.0,0.5,0.0],[2.0,1.0,0.0,0.5,0.0]] }',
 ]
 VALUES = [
     float("nan"), float("inf"), float("-inf"), 1e308, -1e308, 5e-324, 1e9, 0, -1, 10**400, True, "1", [], {},

@@ -25,6 +25,8 @@ class DroneOutgoing(NamedTuple):
     to_autopilot: list[Frame]
     unread: list[list[Frame]]
     """Frames of the autopilot while there is no guard."""
+    due_ns: int
+    """When the next tick is due if nothing arrives."""
 
 
 class GuardedDrone:
@@ -55,32 +57,37 @@ class GuardedDrone:
 
     def tick(self, now_ns: int) -> DroneOutgoing:
         """Everything to send now; guard and autopilot exchange theirs, without delay, until neither has more."""
-        autopilot, outgoing = self.autopilot, DroneOutgoing([], None, [], [], [], [], [])
-        busy = True
+        autopilot, truth, busy = self.autopilot, None, True
+        datagrams: list[Datagram] = []
+        events: list[Event] = []
+        innovations: list[Innovation] = []
+        faults: list[Fault] = []
+        to_autopilot: list[Frame] = []
+        unread: list[list[Frame]] = []
         while busy:
             busy = autopilot.due_ns <= now_ns
             if busy:
                 turn = autopilot.turn(now_ns)
-                if turn.events:
-                    outgoing.events.extend(turn.events)
-                if turn.truth is not None:
-                    outgoing = outgoing._replace(truth=turn.truth)
+                events += turn.events
+                truth = truth if turn.truth is None else turn.truth
                 if turn.frames:
                     self.receive_autopilot(turn.frames, now_ns)
                     if not self.guards:
-                        outgoing.unread.append(turn.frames)
+                        unread.append(turn.frames)
+            due_ns = autopilot.due_ns
             for guard in self.guards:
                 if guard.due_ns <= now_ns:
                     busy = True
                     out = guard.tick(now_ns)
                     if out.to_autopilot:
                         autopilot.receive_frames(out.to_autopilot, now_ns)
-                        outgoing.to_autopilot.extend(out.to_autopilot)
-                    outgoing.datagrams.extend(out.to_ground)
-                    outgoing.events.extend(out.events)
-                    outgoing.innovations.extend(out.innovations)
-                    outgoing.faults.extend(out.faults)
-        return outgoing
+                        to_autopilot += out.to_autopilot
+                    datagrams += out.to_ground
+                    events += out.events
+                    innovations += out.innovations
+                    faults += out.faults
+                due_ns = min(due_ns, guard.due_ns)
+        return DroneOutgoing(datagrams, truth, events, innovations, faults, to_autopilot, unread, due_ns)
 
     @property
     def due_ns(self) -> int:

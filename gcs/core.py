@@ -159,7 +159,7 @@ class GcsCore:
                     self._strays += 1
                 else:
                     link.receive(message.data, now_ns, message.superseded)
-                    self._due = self._due or link.has_answers
+                    self._due = self._due or bool(link.answers)
             case OperatorRequest():
                 (self._stops if message.verb is Verb.STOP else self._requests).append(message)
                 self._due = True

@@ -117,7 +117,7 @@ class DroneNode:
             received_ns, sent_ns = self._received
             passed = received_ns == now_ns and not _flown_by_guard(outgoing.to_autopilot)
             self.followed_ns = sent_ns if passed else now_ns
-        self.due_ns = self.drone.due_ns
+        self.due_ns = outgoing.due_ns
         return outgoing.datagrams
 
     def sample(self) -> Sample:
@@ -176,8 +176,10 @@ def level_share(motor_gain: Float) -> float:
 
 def _flown_by_guard(frames: list[Frame]) -> bool:
     """Whether the last setpoint among these frames is the guard's own."""
-    setpoints = [frame for frame in frames if frame.number in SETPOINTS]
-    return bool(setpoints) and setpoints[-1].source.component == BRIDGE_COMPONENT
+    for frame in reversed(frames):
+        if frame.number in SETPOINTS:
+            return frame.source.component == BRIDGE_COMPONENT
+    return False
 
 
 def _channel(model: LinkModel, delay_s: float, seed: list[int]) -> Channel:

@@ -1,6 +1,6 @@
 """A ground in a lockstep flight: its core, and whether it lives."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
 
 from formation.config import LabConfig
@@ -38,14 +38,14 @@ class VirtualIntake:
         self.due_ns = NOTHING_DUE_NS
         """When the next turn of what waits is due."""
 
-    def turn(self, now_ns: int) -> Iterator[Datagram]:
-        """What is delivered now; nothing while an earlier turn's work is not done."""
+    def turn(self, deliver: Callable[[Datagram, int], None], now_ns: int) -> None:
+        """Deliver what is due now; nothing while an earlier turn's work is not done."""
         if self.due_ns > now_ns and self.due_ns != NOTHING_DUE_NS:
             return
         self._idle_ns = max(self._idle_ns, now_ns)
         self.due_ns = NOTHING_DUE_NS
         for datagram in self.backlog.dequeue():
-            yield datagram
+            deliver(datagram, now_ns)
             self._idle_ns += self._work_ns * max(frame_count(datagram.data), 1) if self._work_ns else 0
             if self._idle_ns - now_ns >= TURN_NS:
                 self.due_ns = self._idle_ns + PAUSE_NS
@@ -128,8 +128,7 @@ class GroundHost:
             self._ingest(intake, now_ns)
 
     def _ingest(self, intake: VirtualIntake, now_ns: int) -> None:
-        for datagram in intake.turn(now_ns):
-            self._pass_to_core(datagram, now_ns)
+        intake.turn(self._pass_to_core, now_ns)
         if intake.due_ns != NOTHING_DUE_NS or self._ingest_due_ns != NOTHING_DUE_NS:
             self._ingest_due_ns = min([other.due_ns for other in self._intakes.values()])
 

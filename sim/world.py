@@ -224,7 +224,7 @@ class World:
                 self._record(INNOVATION, innovation, now_ns)
             node.innovations.clear()
         if datagrams:
-            faults = self._on_link(node, "up")
+            faults = self._on_link(node, "up") if self.faults.active[Site.LINK] else ()
             for datagram in datagrams:
                 self._arrive(node, _UP, node.up.send(now_ns, datagram, faults))
         self._enter(node)
@@ -277,7 +277,8 @@ class World:
         datagrams, replies = ground.tick(now_ns)
         for datagram in datagrams:
             node = self.nodes[datagram.sysid]
-            self._arrive(node, _DOWN, node.down.send(now_ns, datagram, self._on_link(node, "down")))
+            faults = self._on_link(node, "down") if self.faults.active[Site.LINK] else ()
+            self._arrive(node, _DOWN, node.down.send(now_ns, datagram, faults))
         for reply in replies:
             self.operator.receive(reply, now_ns)
         if ground is self._grounds[0] and ground.phase is not self.phase:
@@ -287,13 +288,10 @@ class World:
     # Faults
 
     def _on_link(self, node: DroneNode, direction: str) -> list[tuple[Fault, int]]:
-        acting = self.faults.active[Site.LINK]
-        if not acting:
-            return []
         body = self._body[node.sysid]
         return [
             (fault, onset_ns)
-            for _, fault, onset_ns in acting
+            for _, fault, onset_ns in self.faults.active[Site.LINK]
             if fault.hits(body) and fault.direction in ("both", direction)
         ]
 

@@ -53,15 +53,18 @@ class Schedule:
         """The messages due now, each once, in the order of their ids' registration; moves them on."""
         if now_ns < self.next_ns:
             return []
-        due = [number for number, t_ns in self._due_ns.items() if t_ns <= now_ns]
-        for number in due:
-            period = self._period_ns[number]
-            ideal = self._ideal_ns[number] + period
-            if ideal <= now_ns - period:
-                ideal = now_ns + period
-            self._ideal_ns[number] = ideal
-            self._due_ns[number] = self._rastered(ideal, period)
-        self._find_next()
+        due: list[int] = []
+        self.next_ns = _OFF
+        for number, due_ns in self._due_ns.items():
+            if due_ns <= now_ns:
+                due.append(number)
+                period = self._period_ns[number]
+                ideal = self._ideal_ns[number] + period
+                if ideal <= now_ns - period:
+                    ideal = now_ns + period
+                self._ideal_ns[number] = ideal
+                due_ns = self._due_ns[number] = self._rastered(ideal, period)
+            self.next_ns = min(self.next_ns, due_ns)
         return due
 
     def _set(self, number: int, period_ns: int, now_ns: int) -> None:

@@ -57,7 +57,9 @@ def blank(cls: type[T], count: int) -> Rows[T]:
 
 def like(some: Rows[T]) -> Rows[T]:
     """As many records of that kind, all zero."""
-    return _laid_out(bytearray(len(some) * some.dtype.itemsize), some.dtype)
+    out: Any = np.ndarray(len(some), some.dtype, bytearray(len(some) * some.dtype.itemsize))
+    made: Rows[T] = out
+    return made
 
 
 def copied(some: Rows[T]) -> Rows[T]:

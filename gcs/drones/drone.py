@@ -155,7 +155,8 @@ class Drone:
             if lasted_ns > PATIENCE_NS:
                 self._force_disarm(now_ns)
         if self.reached:
-            link.commands.end_urgent()
+            if link.commands.urgent:
+                link.commands.end_urgent()
             return
         command = self.row.command(link, now_ns - self.since_ns)
         if command is None:

@@ -125,7 +125,8 @@ class DroneLink:
         self.parameters = ParameterReader(self.target, MavAutopilot.GENERIC)
         self.boot_parameters = BootParameters()
         self.reports = Reports(self.name)
-        self._answers: deque[LinkMessage] = deque(maxlen=2)
+        self.answers: deque[LinkMessage] = deque(maxlen=2)
+        """Answers to it that should not wait for the next frame."""
 
     def ages(self, now_ns: int) -> Ages:
         """How old what was heard of it is now."""
@@ -173,11 +174,6 @@ class DroneLink:
         return "-" if heartbeat is None or self.model is None else self.model.table.mode_name(heartbeat.custom_mode)
 
     @property
-    def has_answers(self) -> bool:
-        """Whether something is waiting that should not wait for the next frame."""
-        return bool(self._answers)
-
-    @property
     def idle_disarm_s(self) -> float | None:
         """After how long it disarms by itself when armed without a take-off; the default until that was read."""
         if self.model is None:
@@ -204,7 +200,8 @@ class DroneLink:
 
         superseded: packets before it that its link dropped unread.
         """
-        self.sequence.skip(superseded)
+        if superseded:
+            self.sequence.skip(superseded)
         for packet in self.codec.receive(data):
             if packet.source == (self.sysid, BRIDGE_COMPONENT):
                 self._read_bridge(packet.message, now_ns)
@@ -226,9 +223,9 @@ class DroneLink:
     def due(self, now_ns: int) -> list[LinkMessage]:
         """Answers, time sync, commands and parameter requests to send now."""
         messages: list[LinkMessage] = []
-        if self._answers:
-            messages += self._answers
-            self._answers.clear()
+        if self.answers:
+            messages += self.answers
+            self.answers.clear()
         if now_ns >= self.clock.next_ns:
             request = self.clock.due(now_ns)
             if request is not None:
@@ -266,13 +263,13 @@ class DroneLink:
                 if message.command == MavCommand.COMPONENT_ARM_DISARM and self.commands.urgent_ns is not None:
                     # Its heartbeat alone ends a motor cut; the next by itself may be a second away.
                     heartbeat = float(MessageId.HEARTBEAT)
-                    self._answers.append(command_long(self.target, MavCommand.REQUEST_MESSAGE, heartbeat))
+                    self.answers.append(command_long(self.target, MavCommand.REQUEST_MESSAGE, heartbeat))
             case TimeSync():
                 if message.tc1_ns:
                     self._overhear(message.target, now_ns)
                 answer = self.clock.receive(message, now_ns)
                 self._report_clock_drift(now_ns)
-                self._answers.extend(() if answer is None else (answer,))
+                self.answers.extend(() if answer is None else (answer,))
             case ParamValue():
                 reason = self.parameters.receive(message, self.armed)
                 self._update_hover_thrust()
@@ -331,7 +328,7 @@ class DroneLink:
         """The bridge beside the autopilot: it asks for our clock, and reports its events and the age of setpoints."""
         match message:
             case TimeSync(tc1_ns=0):
-                self._answers.append(TimeSync(now_ns, message.ts1_ns, Address(self.sysid, BRIDGE_COMPONENT)))
+                self.answers.append(TimeSync(now_ns, message.ts1_ns, Address(self.sysid, BRIDGE_COMPONENT)))
             case NamedValue() | StatusText():
                 self._read(message, now_ns)
         if isinstance(message, StatusText):

@@ -105,9 +105,10 @@ class CommandChannel:
     queue: deque[CommandLong] = field(default_factory=deque)
     current: CommandLong | None = None
     """Commands that wait, and the one on its way; without any of them nothing is due."""
+    urgent: bool = False
+    """Whether that one is urgent: repeated whatever is answered, until `end_urgent`."""
     _tries: int = 0
     _retry_at_ns: int = 0
-    _urgent: bool = False
     _start_count: int = 0
     _sent: deque[_Sent] = field(default_factory=deque)
     """What was sent and not answered, the oldest first."""
@@ -126,17 +127,16 @@ class CommandChannel:
         self.queue.clear()
         if command != self.current:
             self._start(command)
-        self._urgent = True
+        self.urgent = True
 
     def end_urgent(self) -> None:
         """End the urgent command: nothing else ends it, no answer either."""
-        if self._urgent:
-            self.current, self._urgent = None, False
+        self.current, self.urgent = None, False
 
     @property
     def urgent_ns(self) -> int | None:
         """When the urgent command is to be repeated; None where there is none."""
-        return self._retry_at_ns if self._urgent else None
+        return self._retry_at_ns if self.urgent else None
 
     def receive(self, ack: CommandAck, now_ns: int) -> None:
         """The drone's answer to the command in flight, or to one before; answers to others' commands are not ours."""
@@ -148,7 +148,7 @@ class CommandChannel:
             sent.until_ns = now_ns + PROGRESS_NS
         else:
             self._sent.remove(sent)
-        if self._urgent or self.current is None or sent.start != self._start_count:
+        if self.urgent or self.current is None or sent.start != self._start_count:
             return
         if in_progress:
             self._retry_at_ns = now_ns + PROGRESS_NS
@@ -157,7 +157,7 @@ class CommandChannel:
 
     def due(self, now_ns: int) -> CommandLong | None:
         """The command to send now, if any."""
-        over = self._tries >= COMMAND_TRIES and not self._urgent
+        over = self._tries >= COMMAND_TRIES and not self.urgent
         if self.current is not None and now_ns >= self._retry_at_ns and over:
             self._finish(Answer(None, now_ns))
         if self.current is None and self.queue:
@@ -166,20 +166,20 @@ class CommandChannel:
             return None
         confirmation = min(self._tries, 255)
         self._tries += 1
-        self._retry_at_ns = now_ns + (self.urgent_retry_ns if self._urgent else COMMAND_RETRY_NS)
+        self._retry_at_ns = now_ns + (self.urgent_retry_ns if self.urgent else COMMAND_RETRY_NS)
         while self._sent and self._sent[0].until_ns < now_ns:
             self._sent.popleft()
         self._sent.append(_Sent(self.current.command, self._start_count, now_ns + LATE_ACK_NS))
         return replace(self.current, confirmation=confirmation)
 
     def _start(self, command: CommandLong) -> None:
-        self.current, self._tries, self._retry_at_ns, self._urgent = command, 0, 0, False
+        self.current, self._tries, self._retry_at_ns, self.urgent = command, 0, 0, False
         self._start_count += 1
 
     def _finish(self, answer: Answer) -> None:
         if self.current is not None:
             self.answers[self.current] = answer
-        self.current, self._urgent = None, False
+        self.current, self.urgent = None, False
 
 
 @dataclass(slots=True)

@@ -111,9 +111,9 @@ def test_telemetry_is_kept_and_texts_become_events_in_the_drones_name():
 
 def test_the_bridge_beside_an_autopilot_gets_our_clock_at_once_and_is_heard():
     link, bridge = a_link(), Drone(component=191)
-    assert not link.has_answers
+    assert not link.answers
     bridge.say(link, TimeSync(0, 77), 5 * MS)
-    assert link.has_answers
+    assert link.answers
     assert [m for m in link.due(6 * MS) if isinstance(m, TimeSync) and m.tc1_ns] == [
         TimeSync(5 * MS, 77, Address(3, 191))
     ]

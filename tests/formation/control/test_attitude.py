@@ -25,7 +25,7 @@ from formation.guidance.reference_generator import POINT, SLOT, VehicleReference
 from formation.maths.quaternion import attitude_of
 from formation.maths.records import blank
 from formation.vehicle.body import GRAVITY_M_S2
-from formation.vehicle.profile import PAPER_40G, PX4_QUAD
+from formation.vehicle.profile import PAPER_40G, PAPER_40G_PRINTED, PX4_QUAD, VehicleProfile
 from tests.formation.oracles.attitude import Bounds, bounded, flat_rates, inside, turned
 from tests.formation.oracles.frames import attitude_matrix, rotation_matrix
 
@@ -166,6 +166,26 @@ def test_a_demand_upwards_leaves_the_motors_what_turning_takes() -> None:
     estimates["thrust_scale"] = 1.0
     limit_force(settings, wanted, estimates, blank(VehicleReference, 1)[0], 10**9, full, aim, lead)
     assert aim == pytest.approx([0.0, 0.0, 0.88 * 0.92 * full])
+
+
+@pytest.mark.parametrize(
+    ("body", "most_m_s2"),
+    [
+        (PAPER_40G, np.sqrt((0.92 * FULL) ** 2 - GRAVITY_M_S2**2)),  # by body rates: all that thrust leaves
+        (PX4_QUAD, GRAVITY_M_S2 * np.tan(0.6)),  # by attitude: the lab's tilt
+        (PAPER_40G_PRINTED, None),  # whose motors can hardly turn it
+    ],
+    ids=lambda each: getattr(each, "name", ""),
+)
+def test_what_inverts_the_lag_is_bounded_by_thrust_tilt_and_turn(body: VehicleProfile, most_m_s2: float | None) -> None:
+    settings, full = force_limits(LAB, (body, body))[0], body.thrust_max_n / body.mass_kg
+    wanted, estimates, aim, lead = blank(Demand, 1)[0], blank(VehicleEstimate, 2), np.zeros(3), np.zeros(3)
+    wanted.lead_acc_lab_m_s2[0], wanted.motion[0, 2], wanted.specific_force_lab_m_s2[:] = 90.0, 1.0, LEVEL
+    estimates["thrust_scale"] = 1.0
+    limit_force(settings, wanted, estimates, blank(VehicleReference, 1)[0], 10**9, full, aim, lead)
+    turned_most = np.array([30.0, 0.0, LEVEL[2]])
+    clamp_turn(turned_most, LEVEL, turn_authority(body), full)
+    np.testing.assert_allclose([aim, lead], [LEVEL, [most_m_s2 or turned_most[0], 0.0, LEVEL[2]]])
 
 
 def test_what_lands_is_not_pushed_down_while_it_sinks() -> None:

@@ -1,7 +1,7 @@
 """How a vehicle answers what it was sent, and how an answer that differs from its profile is found."""
 
 from collections.abc import Callable
-from math import asin, cos, sin
+from math import asin, atan, cos, sin
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from formation.estimation.response import (
     answer,
     learn_shift,
     no_history,
+    observe_tilt,
     remember,
     update_model_mismatch,
 )
@@ -173,3 +174,23 @@ def test_a_lasting_lean_that_answers_no_command_is_a_disturbance_and_no_mismatch
         assert z.specific_force_lab_m_s2[0] + z.dist_lab_m_s2[0] == pytest.approx(leaned)
     assert z.dist_lab_m_s2[0] == pytest.approx(leaned, rel=0.01)
     assert z.model_error.mismatch < 0.2
+
+
+def test_a_tilt_that_turns_steadily_is_known_with_its_rate_which_decays() -> None:
+    """Of a vehicle that is only observed and rises with 1.2 m/s^2: force and rate are (g + 1.2) tan(tilt) and so on."""
+    settings, z = blank(ObserverSettings, 1)[0], _hovering()
+    settings.tilt_bandwidth_rad_s, z.adaptive_gain, z.dist_lab_m_s2[2] = 18.0, 1.0, 1.2
+    lift, slope_1_s = GRAVITY_M_S2 + 1.2, 0.2
+
+    def observe(k: int) -> None:
+        half = 0.5 * atan(slope_1_s * k * DT_S)
+        z.q_lab_from_flu[:] = cos(half), 0.0, sin(half), 0.0
+        observe_tilt(z, True, DT_S, settings)
+
+    for k in range(1, 101):
+        observe(k)
+    assert z.specific_force_lab_m_s2[0] == pytest.approx(lift * slope_1_s, rel=1e-3)
+    assert z.observed.force_rate_lab_m_s3[0] == pytest.approx(lift * slope_1_s, rel=1e-3)
+    settings.tilt_decay_1_s, before = 11.0, float(z.observed.tilt_rate_1_s[0])
+    observe(101)
+    assert z.observed.tilt_rate_1_s[0] == pytest.approx(before * np.exp(-0.11), rel=1e-3)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from formation.estimation.observers import filter_innovation, height_gain, observe_heading
+from formation.estimation.observers import filter_innovation, follow_disturbance, height_gain, observe_heading
 from formation.estimation.response import no_history, remember
 from formation.estimation.settings import ObserverGains, ObserverSettings
 from formation.estimation.state import VehicleEstimate
@@ -70,6 +70,9 @@ def test_the_model_is_thrust_and_gravity_less_the_drag_of_a_vehicle_that_moves()
     hover = remember(no_history(1), 0, np.array([[0.0, 0.0, 9.8, 9.8]]))
     model_acceleration(z, t_ns, t_ns + 10_000_000, True, True, settings, hover, model)
     assert model == pytest.approx([-1.0, 0.5, -0.1], abs=1e-12)
+    z.thrust_scale = 1.1
+    model_acceleration(z, t_ns, t_ns + 10_000_000, True, True, settings, hover, model)
+    assert model == pytest.approx([-1.0, 0.5, 0.98 - 0.1], abs=1e-12)
 
 
 def _falling(acc_m_s2: float, noise_m: float, seconds: float) -> tuple[VehicleEstimate, list[float], list[float]]:
@@ -134,3 +137,10 @@ def test_what_moves_as_the_model_and_z3_say_leaves_no_innovation() -> None:
     heading.yaw_rad, heading.rate_rad_s, heading.dist_rad_s2, heading.acc_command_rad_s2 = 1.0, 2.0, 0.5, 0.7
     observe_heading(z, False, 0.1, _settings())
     assert (heading.yaw_rad, heading.rate_rad_s, heading.dist_rad_s2) == pytest.approx((1.206, 2.07, 0.0))
+
+
+def test_z3_is_followed_by_a_low_pass_of_a_fifth_of_the_fast_observers_bandwidth() -> None:
+    z, settings = blank(VehicleEstimate, 1)[0], _settings()
+    settings.parallel.bandwidth_rad_s, z.dist_lab_m_s2[1] = 168.0, 2.0
+    follow_disturbance(z, DT_S, settings)
+    assert z.dist_late_lab_m_s2.tolist() == pytest.approx([0.0, 2.0 * (1.0 - np.exp(-DT_S * 168.0 / 5.0))])

@@ -195,7 +195,6 @@ class BodyEstimate:
         spins = abs(float(self._rate_flu_rad_s[2])) > _TUMBLES * self._vehicle.rate_yaw_max_rad_s
         past = spins or up[2] < TILT_MAX_COS
         strays = wanted is not None and past and sum(map(mul, wanted, up)) < _STRAYS_COS
-        strays = wanted is not None and past and sum(map(mul, wanted, up)) < _STRAYS_COS
         if not strays:
             self._strays_since_ns = None
         elif self._strays_since_ns is None:

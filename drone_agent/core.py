@@ -175,7 +175,7 @@ class AgentCore:
             if self._control_ns < self._now_ns:
                 self._control_ns = self._now_ns + (self._t0_ns - self._now_ns) % CONTROL_NS
             due_ns = min(due_ns, self._control_ns)
-        stream_ns = self.autopilot.stream.deadline_ns(self.autopilot.stream_loss.after_s)
+        stream_ns = self._failsafes.stream_deadline_ns()
         return due_ns if stream_ns is None else min(due_ns, stream_ns)
 
     def _run_to(self, now_ns: int) -> None:

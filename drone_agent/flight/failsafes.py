@@ -32,10 +32,13 @@ class Failsafes:
         """A ground station's heartbeat came."""
         self._ground.note(now_ns)
 
+    def stream_deadline_ns(self) -> int | None:
+        """When `check_stream` is next due; None while there is nothing to monitor."""
+        return self._autopilot.stream.deadline_ns(self._autopilot.stream_loss.after_s)
+
     def check_stream(self, now_ns: int) -> None:
         """Act on a stream that has been silent too long."""
-        pilot = self._autopilot
-        due_ns = pilot.stream.deadline_ns(pilot.stream_loss.after_s)
+        pilot, due_ns = self._autopilot, self.stream_deadline_ns()
         if due_ns is None or now_ns < due_ns:
             return
         pilot.report(Severity.CRITICAL, pilot.model.texts.stream_lost)

@@ -320,7 +320,7 @@ class BodyFeed:
             return None
         if not armed:
             self._floor_m, self._withholds = position_m[2], False
-        self.stands = not armed or (not self.fault and position_m[2] - self._floor_m <= _LIFTED_M)
+        self.stands = not armed or (not self.fault and self._is_low(position_m[2], now_ns))
         reason = self._estimate.receive_pose(t_ns, pos, q, stands=self.stands)
         if reason is RejectReason.FROZEN:
             self._same += 1
@@ -334,6 +334,12 @@ class BodyFeed:
             return None
         self._pose_due_ns = max(self._pose_due_ns + _POSE_NS, now_ns)  # a steady 50 Hz out of frames that jitter
         return VisionPose(t_ns // 1000, pos, q)
+
+    def _is_low(self, height_m: float, now_ns: int) -> bool:
+        """Whether the pose and the estimate before it say so: a pose that comes late shows the floor in the air."""
+        most_m = self._floor_m + _LIFTED_M
+        motion = self._estimate.motion(now_ns) if height_m <= most_m else None
+        return height_m <= most_m and (motion is None or float(motion.pos_lab_m[2]) <= most_m)
 
     def check(self) -> None:
         """Find the `fault` of the poses; after every input of the estimate."""

@@ -98,6 +98,7 @@ class Airframe:
         self._delay_ns = round(profile.command_delay_s * 1e9)
         self._physics = physics
         self._t0_ns = t0_ns
+        self._down_m_s2 = 0.0
         self._push = self._disturbance()
         self._coming: deque[tuple[int, LoopSetpoint]] = deque()
 
@@ -153,6 +154,12 @@ class Airframe:
         """What the air does to the vehicle: acceleration in `lab`."""
         return self._push
 
+    def receive_downwash(self, down_m_s2: float) -> None:
+        """From the grid's present on the jets of others push it down so hard."""
+        if down_m_s2 != self._down_m_s2:
+            self._down_m_s2 = down_m_s2
+            self._push = self._disturbance()
+
     def drain(self, dt_s: float) -> None:
         """Take `dt_s` at the present thrust out of the pack."""
         self.pack.drain(sum(self.state.motor_thrust_n.tolist()) / self.profile.weight_n, dt_s)
@@ -169,4 +176,5 @@ class Airframe:
     def _disturbance(self) -> Vec3:
         push = np.empty(3)
         push_into(self._air.air, (self.t_ns - self._t0_ns) * 1e-9, self.state.pos_lab_m, self.profile.reach_m, push)
+        push[2] -= self._down_m_s2
         return push

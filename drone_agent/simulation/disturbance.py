@@ -13,9 +13,9 @@ from formation.maths.arrays import Float, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, rows
 from formation.model import Model, Positive, Vec3Tuple
+from formation.vehicle.downwash import JET_WIDTH
 
 STILL: Vec3Tuple = (0.0, 0.0, 0.0)
-JET_WIDTH = 0.081  # of a jet's Gaussian, per distance from its nozzle, as Albertson et al. measured it
 
 
 class SweptFan(Model):

@@ -5,12 +5,14 @@ motor thrusts (front right, rear left, front left, rear right). Parameters are a
 `VehicleProfile.numbers` lays out by the names below.
 """
 
-from math import cos, exp, sin, sqrt
+from math import cos, exp, hypot, sin, sqrt
+
+import numpy as np
 
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 from formation.maths.quaternion import matrix_into
-from formation.vehicle import body
+from formation.vehicle import body, downwash
 from formation.vehicle.body import (
     DRAG,
     GRAVITY_M_S2,
@@ -30,6 +32,27 @@ GROUND_EFFECT_MAX = 1.3
 
 thrust_norm = kernel(body.thrust_norm)
 rotor_reach_m = kernel(body.rotor_reach_m)
+jet_force_n = kernel(downwash.jet_force_n)
+
+
+@kernel
+def downwash_into(x: Float, numbers: Float, down_m_s2: Float) -> None:
+    """What the jets of all others do to each of m vehicles that share their air, into down_m_s2 (m): acceleration down.
+
+    x (m, 17): their states; numbers (m, NUMBERS): their parameters. The jets of several add up. What a vehicle in a jet
+    gives the air itself is what is left of its thrust.
+    """
+    lift_n = x[:, 13:17].sum(axis=1)
+    for i in np.argsort(-x[:, 2]):
+        reach_m, force_n = rotor_reach_m(numbers[i, WHEELBASE]), 0.0
+        for j in range(len(x)):
+            if x[j, 2] > x[i, 2]:
+                aside_m = hypot(x[j, 0] - x[i, 0], x[j, 1] - x[i, 1])
+                upper_m = rotor_reach_m(numbers[j, WHEELBASE])
+                rotor_m = numbers[i, ROTOR_RADIUS]
+                force_n += jet_force_n(aside_m, x[j, 2] - x[i, 2], lift_n[j], upper_m, reach_m, rotor_m)
+        lift_n[i] = max(lift_n[i] - force_n, 0.0)
+        down_m_s2[i] = force_n / numbers[i, MASS]
 
 
 @kernel

@@ -48,6 +48,7 @@ from formation.safety.phases import Trigger
 from formation.topics import Topic
 from formation.vehicle.body import GRAVITY_M_S2, MASS, NUMBERS
 from formation.vehicle.profile import VehicleState, at_rest, on_ground
+from formation.vehicle.rigid_body import downwash_into
 from gcs.core import own_laws
 from gcs.drones.drone import Drone
 from gcs.drones.link_state import DroneLink
@@ -122,11 +123,12 @@ def order(vehicles: Rows[FlownVehicle], q: Quats, rate: Vec3s, thrust: Scalars, 
 
 @kernel
 def advance_vehicles(
-    vehicles: Rows[FlownVehicle], air: Rows[Air], wind: Float, t0_ns: int, from_ns: int, to_ns: int
+    vehicles: Rows[FlownVehicle], air: Rows[Air], wind: Float, down_m_s2: Float, t0_ns: int, from_ns: int, to_ns: int
 ) -> None:
     """Every vehicle from one point of the grid to another, as drone_agent.simulation.airframe does one.
 
-    wind (K, m, 3): what pushes each vehicle beside the air, m/s^2 in `lab`, from each GUST_NS after t0_ns to the next.
+    down_m_s2 (m): what each other's jets do; wind (K, m, 3): what pushes each vehicle beside the air, m/s^2 in
+    `lab`, from each GUST_NS after t0_ns to the next.
     """
     for i in range(len(vehicles)):
         v, t_ns = vehicles[i], from_ns
@@ -138,6 +140,7 @@ def advance_vehicles(
                 if window < len(wind):
                     for axis in range(3):
                         v.push_lab_m_s2[axis] += wind[window, i, axis]
+                v.push_lab_m_s2[2] -= down_m_s2[i]
             k = _ruling(v, t_ns)
             steps = (min(to_ns, t_ns + GUST_NS - since_ns) - t_ns) // STEP_NS
             if k + 1 < IN_TRANSIT:
@@ -247,6 +250,7 @@ class Vehicles:
         self.forces = OwnForces(drones, up, imu_hz, self._flown["x"]) if imu_hz else None
         self._attitude_ns, self._force_ns = T0_NS + ATTITUDE_NS, T0_NS + WINDOW_NS if imu_hz else NOTHING_DUE_NS
         self._air, self._wind, self._t_ns = scenario.air.air, wind, T0_NS
+        self._down_m_s2 = np.zeros(len(drones))
         self.drain(0.0)
 
     def order(self, target: AttitudeTarget, now_ns: int) -> None:
@@ -317,7 +321,9 @@ class Vehicles:
         self._advance_grid(grid_ns)
 
     def _advance_grid(self, to_ns: int) -> None:
-        advance_vehicles(self._flown, self._air, self._wind, T0_NS, self._t_ns, to_ns)
+        x, numbers = (np.ascontiguousarray(self._flown[name]) for name in ("x", "numbers"))
+        downwash_into(x, numbers, self._down_m_s2)
+        advance_vehicles(self._flown, self._air, self._wind, self._down_m_s2, T0_NS, self._t_ns, to_ns)
         self._t_ns = to_ns
 
 

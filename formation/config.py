@@ -32,7 +32,7 @@ from formation.security_config import SecurityConfig
 from formation.trajectory_config import TrajectoryConfig as TrajectoryConfig
 from formation.vehicle.profile import VehicleProfile, on_base, profile
 
-PRESET_NAMES = ("default", "pid_leader", "paper", "paper_istsmc", "paper_smc", "pid", "geometric")
+PRESET_NAMES = ("default", "pid_leader", "paper", "paper_istsmc", "paper_smc", "pid", "geometric", "no_downwash")
 """The sets of gains of formation.control.presets, known here so that a lab is judged before the control is loaded."""
 
 

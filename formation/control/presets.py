@@ -1,4 +1,7 @@
-"""Named sets of gains: `paper`, as printed (Table 2), and `default`, ours; `pid_leader` has the paper's leader."""
+"""Named sets of gains: `paper`, as printed (Table 2), and `default`, ours; `pid_leader` has the paper's leader.
+
+`no_downwash` is `default` without the feed-forward of downwash.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,7 +27,8 @@ class Preset:
     the followers' horizontal axes; own_observer, vertical_observer, heading_observer (rad): of a commanded leader's
     horizontal axes, of commanded heights and headings; seen_*: of a leader that is only observed;
     dead_share, lag_share: how much of the attitude's dead time and lag is counted on;
-    thrust_scale_lag_s: how slowly Z3 of the height moves into the thrust scale; the rest: see
+    thrust_scale_lag_s: how slowly Z3 of the height moves into the thrust scale; downwash_share: of the modelled
+    downwash of the drones above that is fed forward; the rest: see
     formation.estimation.settings and formation.control.gains.LagCompensation.
     """
 
@@ -44,6 +48,7 @@ class Preset:
     dead_share: float = 1.0
     lag_share: float = 1.0
     thrust_scale_lag_s: float = 2.0
+    downwash_share: float = 1.0
     attitude_trust: float = 1.0
     tilt_bandwidth_rad_s: float = 40.0
     tilt_decay_1_s: float = 7.0
@@ -103,6 +108,7 @@ DEFAULT = Preset(
     lag_compensation=LAG_COMPENSATION,
     leader_lag_compensation=LAG_COMPENSATION,
 )
+NO_DOWNWASH = replace(DEFAULT, name="no_downwash", downwash_share=0.0)
 PID_LEADER = replace(
     DEFAULT, name="pid_leader", leader=LEADER_PID, own_observer=SLOW_OBSERVER, leader_lag_compensation=PLAIN
 )
@@ -119,6 +125,7 @@ PAPER_CFC = replace(
     attitude_trust=0.65,
     parallel=ALONE,
     lag_compensation=PLAIN,
+    downwash_share=0.0,
 )
 PAPER_ISTSMC = replace(
     PAPER_CFC,
@@ -130,7 +137,7 @@ PAPER_SMC = replace(PAPER_ISTSMC, name="paper_smc", follower=SlidingGains(Law.SM
 PID = replace(PID_LEADER, name="pid", follower=CascadeGains(4.4, 13.4, 1.0), lag_compensation=FIRM_COMPENSATION)
 GEOMETRIC = replace(PID, name="geometric", follower=GeometricGains(kx=50.8, kv=14.3, ki=4.0, mix=1.5, bound=1.0))
 PRESETS: Mapping[str, Preset] = MappingProxyType(
-    {p.name: p for p in (DEFAULT, PID_LEADER, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC)}
+    {p.name: p for p in (DEFAULT, PID_LEADER, PAPER_CFC, PAPER_ISTSMC, PAPER_SMC, PID, GEOMETRIC, NO_DOWNWASH)}
 )
 
 

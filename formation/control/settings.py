@@ -11,7 +11,7 @@ from formation.control.limits import KEEP_OUT, SEPARATION_FILTER, SPEED_LIMIT
 from formation.control.limits.attitude import AttitudeSettings, ForceLimits, turn_authority
 from formation.control.limits.barriers import BarrierSettings
 from formation.control.presets import ALONE, Preset
-from formation.estimation.settings import ObserverSettings, Response
+from formation.estimation.settings import Airframe, ObserverSettings, Response
 from formation.maths.records import Rows, rows
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import VehicleProfile
@@ -93,6 +93,8 @@ def _observers(leads: bool, commanded_index: int, profile: VehicleProfile, gains
         adaptation=gains.seen_adaptation,
         parallel=ALONE if seen else gains.parallel,
         heading_parallel=gains.seen_heading_parallel if seen else ALONE,
+        airframe=Airframe(profile.mass_kg, profile.reach_m, profile.rotor_radius_m),
+        downwash_share=gains.downwash_share,
     )
 
 

@@ -192,9 +192,9 @@ def doubt(mismatch: float) -> float:
 
 @kernel
 def learn_thrust_scale(z: VehicleEstimate, dt_s: float, settings: ObserverSettings) -> None:
-    """Moves what Z3 holds against gravity slowly into the thrust scale; the sum of both stays as it is."""
+    """Moves what Z3 holds against gravity, downwash apart, slowly into the thrust scale; their sum stays as it is."""
     share = dt_s / (settings.thrust_scale_lag_s + dt_s)
-    learned = z.thrust_scale + share * z.dist_lab_m_s2[2] / z.specific_force_lab_m_s2[2]
+    learned = z.thrust_scale + share * (z.dist_lab_m_s2[2] - z.downwash_m_s2) / z.specific_force_lab_m_s2[2]
     learned = min(max(learned, THRUST_SCALE_LEAST), THRUST_SCALE_MOST)
     moved = learned - z.thrust_scale
     z.thrust_scale = learned

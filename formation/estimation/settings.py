@@ -70,6 +70,15 @@ class Parallel:
 
 
 @dataclass(frozen=True, slots=True)
+class Airframe:
+    """A vehicle as its jet and that of another know it; reach_m: of its rotors along both horizontal axes."""
+
+    mass_kg: float
+    reach_m: float
+    rotor_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class ObserverSettings:
     """One vehicle's observers, and what they believe of the vehicle.
 
@@ -82,7 +91,7 @@ class ObserverSettings:
     tilt, against the modelled one, that a frame is given; tilt_bandwidth_rad_s, tilt_decay_1_s: filter of an observed
     vehicle's tilt and of its rate (0: its attitude is not used); quiet_m, quiet_rad: position noise above which
     bandwidths shrink, and heading noise that is always expected; parallel, heading_parallel: of the horizontal axes and
-    of the heading.
+    of the heading; downwash_share: of the modelled downwash of others that Z3 of the height follows at once.
     """
 
     commanded_index: int
@@ -103,3 +112,5 @@ class ObserverSettings:
     adaptation: Adaptation
     parallel: Parallel
     heading_parallel: Parallel
+    airframe: Airframe
+    downwash_share: float

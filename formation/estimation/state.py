@@ -118,7 +118,7 @@ class VehicleEstimate:
     the filtered innovation of a vehicle that is only observed (of one that is commanded, of its height alone),
     adaptive_gain (of a commanded vehicle its urgency), the `fast` observer and the `inertial` innovation; dist_late:
     Z3 low-passed, for its rate; what sets the modelled force right: `observed` of a vehicle that is only observed,
-    `model_error` of a commanded one.
+    `model_error` of a commanded one; downwash: what Z3 of the height has of it.
     """
 
     t_ns: int
@@ -140,3 +140,4 @@ class VehicleEstimate:
     dist_late_lab_m_s2: Vec2
     observed: ObservedTilt
     model_error: ModelError
+    downwash_m_s2: float

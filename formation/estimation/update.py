@@ -11,6 +11,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from formation.estimation.downwash import follow_downwash
 from formation.estimation.observers import (
     PUSH_MOST_M_S2,
     adapt,
@@ -120,6 +121,7 @@ def _estimate(
                 for k in range(4):
                     q_before[k] = z.q_lab_from_flu[k]
                     z.q_lab_from_flu[k] = q_lab_from_flu[i, k]
+            follow_downwash(old, settings, i, airborne[i], z)
             model_acceleration(z, from_ns, to_ns, seen[i], airborne[i], s, history, model)
             if seen[i] and airborne[i] and s.parallel.bandwidth_rad_s > 0.0:
                 receive_inertial(z, q_before, force_meas_flu_m_s2[i], dt_s, s.drag_1_s)

@@ -43,12 +43,14 @@ from formation.messages import (
     Verb,
 )
 from formation.own_law.flight import OwnLaws
+from formation.reasons import Reject
 from formation.safety import rules
 from formation.safety.phases import Trigger
 from formation.topics import Topic
 from formation.vehicle.body import GRAVITY_M_S2, MASS, NUMBERS
 from formation.vehicle.profile import VehicleState, at_rest, on_ground
 from formation.vehicle.rigid_body import downwash_into
+from gcs import formation_change
 from gcs.core import own_laws
 from gcs.drones.drone import Drone
 from gcs.drones.link_state import DroneLink
@@ -377,6 +379,14 @@ class Ground:
         self._rule_state, verdict = rules.assess(self._rule_state, facts, phase, self.lab.limits, now_ns)
         return verdict.trigger is not None
 
+    def change_shape(self, asked: str, phases: Phases, now_ns: int) -> tuple[Reject, ...]:
+        """Have the followers take another shape, or why not."""
+        facts = self._gatherer.gather(self._stages, 0.0, now_ns)
+        judged = formation_change.change(asked, phases, facts, self._stages, now_ns)
+        if not judged.reasons:
+            judged.apply()
+        return judged.reasons
+
     def record(self, topic: Topic, message: object) -> None:
         """Record a message now."""
         self.records.append(Entry(topic, self.now_ns, message))
@@ -460,7 +470,10 @@ class StudyFlight:
             self._cameras.start(now_ns)
         self._operator.observe(OperatorView(phases.phase, is_formed, phases.trajectory_done(now_ns)), now_ns)
         request = self._operator.next_request(now_ns) if now_ns >= T0_NS + ARMED_AFTER_NS else None
-        if request is not None:
+        if request is not None and request.verb is Verb.SHAPE:
+            reasons = self._ground.change_shape(request.argument, phases, now_ns)
+            self._operator.receive(OperatorReply(request.id, not reasons, str(reasons)), now_ns)
+        elif request is not None:
             before = phases.phase
             self._pull(Trigger(request.verb.value))
             self._operator.receive(OperatorReply(request.id, phases.phase is not before, ""), now_ns)

@@ -35,6 +35,7 @@ from formation.safety.rules_table import STALE_SETPOINT_S
 from formation.trajectory_config import KINDS
 from formation.vehicle.profile import PROFILES, VehicleProfile
 from gcs.finding import MILLIMETRES_M, Finding, Grade, Keys, vehicle_key
+from gcs.lab.downwash import judge_slots, judge_paths
 from gcs.lab.feasibility import judge_feasibility
 from wire.security.bus_access import REMEDY
 
@@ -249,8 +250,7 @@ def _slots(config: LabConfig, keys: Keys, key: str, shape: Shape) -> Iterator[Fi
     """Each slot against the leader and the slots before it."""
     least_m, names = config.limits.min_separation_m, [v.body for v in config.vehicles]
     distances_m = separations(shape.offsets)
-    positions_m, half_m = np.vstack([np.zeros(3), shape.offsets]), config.half_widths_m
-    for k in range(1, len(positions_m)):
+    for k in range(1, len(distances_m)):
         nearest = int(np.argmin(distances_m[k, :k]))
         near_m, subject = float(distances_m[k, nearest]), f"{key}[{k - 1}].offset_m"
         text = f"{names[k]} would be {near_m:.2f} m from {names[nearest]}"
@@ -259,13 +259,7 @@ def _slots(config: LabConfig, keys: Keys, key: str, shape: Shape) -> Iterator[Fi
         elif near_m < PERSONAL_SPACE * least_m - ROUNDING_M:
             why = f"{text}: nearer than {PERSONAL_SPACE:g} limits.min_separation_m they brake for each other"
             yield keys.warn(subject, SEPARATION, why, f"{PERSONAL_SPACE * least_m:g} m or more")
-        for other in range(k):
-            gap = positions_m[k] - positions_m[other]
-            wide_m = half_m[k] + half_m[other]
-            if float(np.hypot(gap[0], gap[1])) < wide_m <= abs(float(gap[2])):
-                low, high = (k, other) if gap[2] < 0.0 else (other, k)
-                why = f"{names[low]} would fly {abs(gap[2]):.2f} m under {names[high]}, in its downwash"
-                yield keys.warn(subject, SEPARATION, why)
+    yield from judge_slots(config, keys, key, shape)
 
 
 def _width(config: LabConfig, keys: Keys) -> Iterator[Finding]:
@@ -306,6 +300,7 @@ def judge(config: LabConfig) -> tuple[Finding, ...]:
     return (
         *judge_flight_volume(config, keys, ahead),
         *judge_separation(config, keys),
+        *judge_paths(config, keys, ahead),
         *judge_feasibility(config, keys, ahead),
         *judge_wiring(config, keys),
         *judge_exposure(config, keys),

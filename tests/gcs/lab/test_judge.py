@@ -113,6 +113,9 @@ REFUSED: list[tuple[str, dict[str, object], str, str, str]] = [
     ("an unknown body's name", {"mocap": {"source": "vrpn", "names": {"A": "wand"}}}, "mocap.names", "", "wand is"),
     ("wider than apart", {"leader": {**LEADER, "profile": "px4_quad"}}, "limits.min_separation_m", "0.2",
      "0.43 m wide"),
+    ("downwash that it cannot carry", {"profiles": [{**OWN, "name": "ours", "thrust_max_n": 0.46}],
+     "followers": followers(RIGHT, [-0.4, -0.4, 0.6], profile="ours")}, "followers[0].offset_m", "[-0.4, -0.4, 0]",
+     "beyond hovering it has thrust for 17%"),
     ("more than the whole", {"mocap": {"latency_s": 0.02}}, "mocap.latency_s", "0.02", "a part of delay_s"),
 ]  # fmt: skip
 WARNED: list[tuple[str, dict[str, object], str, str]] = [
@@ -149,7 +152,13 @@ WARNED: list[tuple[str, dict[str, object], str, str]] = [
     ("little room", {"followers": followers([-2.41, 0, 0])}, "limits.fence", "right comes within 0.09 m"),
     ("a hall", {"limits": {"fence": {"low_m": [-200, -2, -1], "high_m": [2, 2, 2]}}}, "limits.fence.low_m", "metres"),
     ("slow descent", {"flight": {"descend_m_s": 0.005}}, "flight.descend_m_s", "longer than a minute"),
-    ("downwash", {"followers": followers(RIGHT, [-0.4, -0.4, 0.6])}, "followers[1].offset_m", "downwash"),
+    ("downwash", {"followers": followers(RIGHT, [-0.4, -0.4, 0.6])}, "followers[0].offset_m", "right would fly 0.60 m "
+     "under left, whose downwash takes 19% of its weight; half of that 1.51 m under it"),
+    ("downwash of two on the leader", {"followers": followers([0, 0, 0.4], [0, 0, 0.8])}, "followers[0].offset_m",
+     "lead would fly 0.40 m under right and 1 more, whose downwash takes 38%"),
+    ("downwash on the way", {"followers": [
+        f | {"spawn_lab_m": m} for f, m in zip(followers([-0.4, -0.4, 0.3], LEFT), (LEFT, RIGHT), strict=True)]},
+     "followers[1].offset_m", "left would pass, on its way into its slot, 0.15 m under right"),
     ("shapes that do not fit", {"formation": {"spacing_m": 2.2}}, "formation.spacing_m", "line, column would leave"),
     ("longer than a battery", {"leader": flies("circle", laps=30)}, "leader.trajectory.laps", "hovers for about 315 s"),
     ("played leader", {"mocap": {"source": "csv", "file": "x"}}, "mocap.source", "of the leader alone"),

@@ -35,7 +35,7 @@ from formation.safety.rules_table import STALE_SETPOINT_S
 from formation.trajectory_config import KINDS
 from formation.vehicle.profile import PROFILES, VehicleProfile
 from gcs.finding import MILLIMETRES_M, Finding, Grade, Keys, vehicle_key
-from gcs.lab.downwash import judge_slots, judge_paths
+from gcs.lab.downwash import judge_paths, judge_slots
 from gcs.lab.feasibility import judge_feasibility
 from wire.security.bus_access import REMEDY
 

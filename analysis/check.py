@@ -19,15 +19,25 @@ from wire.logs.mcap_read import LogColumns, holds_nothing, read_columns
 
 M = TypeVar("M")
 
-NEEDS = (
-    ("formation error", (topics.MOCAP, topics.REFERENCE)),
+Need = Topic | str
+NEEDS: tuple[tuple[str, tuple[Need, ...]], ...] = (
+    ("error to the reference", (topics.MOCAP, topics.REFERENCE)),
     ("controller's inside", (topics.COMMAND,)),
-    ("attitude against target", (topics.MOCAP, topics.TARGET)),
+    ("attitude against target, and its lag by identify", (topics.MOCAP, topics.TARGET)),
+    ("thrust curve by identify", (topics.MOCAP, topics.TARGET, "commanded_thrust")),
     ("latency", (topics.TIMING,)),
     ("phases", (topics.PHASE,)),
     ("replay", (topics.MOCAP, topics.TICK)),
 )
-"""What the report and replay can show, and the topics each needs."""
+"""What the report, identify and replay can show, and the topics, and quantities of `analysis.imports`, each needs."""
+RECORDED: tuple[tuple[str, tuple[Need, ...]], ...] = (
+    ("gyros: join by the motion", ("rates",)),
+    ("motor commands", ("motors",)),
+    ("battery", ("battery_voltage",)),
+    ("the autopilot's own estimate against the cameras", (topics.MOCAP, "estimated_position")),
+    ("innovations", ("innovation_position",)),
+)
+"""The same of logs that were imported or joined alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +60,17 @@ class Check:
 
 def check(path: Path) -> Check:
     """Read the whole log and say what it holds. Raises OSError, and wire.logs.mcap_read.LogError where it is no log."""
-    log = read(path, {})
+    log = read(path, {topics.SIGNAL: ("table",)})
     found = log.check
     span_ns = 0 if found.first_ns is None or found.last_ns is None else found.last_ns - found.first_ns
-    usable = tuple(name for name, needs in NEEDS if all(found.entries.get(topic.name) for topic in needs))
+    has: set[Need] = {topic for topic in topics.ALL if found.entries.get(topic.name)}
+    asked = NEEDS
+    if topics.SIGNAL in has:
+        has |= set(log.topics[topics.SIGNAL].fields["table"].values.tolist())
+        asked += RECORDED
+    elif topics.TARGET in has:  # a ground of ours sends no attitude without a thrust
+        has.add("commanded_thrust")
+    usable = tuple(name for name, needs in asked if has.issuperset(needs))
     return Check(
         mcap=str(path),
         complete=found.complete,
@@ -62,7 +79,7 @@ def check(path: Path) -> Check:
         duration_s=1e-9 * span_ns,
         entries={topic.name: found.entries[topic.name] for topic in topics.ALL if topic.name in found.entries},
         usable=usable,
-        lost=tuple(name for name, _ in NEEDS if name not in usable),
+        lost=tuple(name for name, _ in asked if name not in usable),
     )
 
 
@@ -81,6 +98,8 @@ def print_check(check: Check, console: Console) -> None:
     for topic, entries in check.entries.items():
         table.add_row(Text(topic), str(entries))
     console.print(table)
+    if check.usable:
+        console.print(f"To be had from it: {', '.join(check.usable)}.", highlight=False, markup=False)
     if check.lost:
         console.print(f"Not to be had from it: {', '.join(check.lost)}.", highlight=False, markup=False)
 

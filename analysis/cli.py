@@ -1,4 +1,4 @@
-"""`gcs-log report | list | check | audit | picture | compare | layout | export | identify`: what a log says.
+"""`gcs-log report | list | check | import | audit | picture | compare | layout | export | identify`: what a log says.
 
 Exit codes: 0 well; 1 the flight neither landed nor ended in the air as asked (`report`), or the log is damaged
 (`check`); 2 no log, or an argument that cannot be used.
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(cls=Program, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 
+IMPORTED_FILES = "Logs of ULog (.ulg), DataFlash (.bin), Crazyflie's SD card, rosbag2 (folder, .mcap, .db3), or CSV."
 LogPath = Annotated[Path, typer.Argument(metavar="FLIGHT.MCAP", help="The flight's log.", show_default=False)]
 Json = Annotated[bool, typer.Option("--json", help="Print it as JSON, and nothing else there.")]
 Out = Annotated[
@@ -139,6 +140,33 @@ def check(log: LogPath, as_json: Json = False) -> None:
     else:
         checking.print_check(found, Console())
     if not found.complete:
+        raise typer.Exit(REJECTED)
+
+
+@app.command("import")
+def import_logs(
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help=IMPORTED_FILES, show_default=False)],
+    out: Annotated[Path, typer.Option("--out", metavar="FLIGHT.MCAP", help="The log to write; it may not be there.")],
+    by: Annotated[
+        Path | None, typer.Option("--map", metavar="MAP.TOML", help="Which column is what; known layouts need none.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Make one of our logs of others': ULog, DataFlash, a Crazyflie's SD card, a bag of ROS 2, CSV. A file is a
+    vehicle; several share one clock. Exit code 1 for a file that is damaged: nothing is written, or what was read."""
+    from dataclasses import asdict
+
+    from analysis.imports import cli as importing
+
+    with refusing():
+        if out.exists():
+            raise ConfigError([f"{out}: it is there already, and import writes over nothing: name another"])
+        with progress_line("gcs-log") as show:
+            result = importing.import_files(files, out, by, show)
+    typer.echo(json.dumps(asdict(result)) if as_json else result.text)
+    for damage in result.damage:
+        typer.echo(f"gcs-log: {damage}", err=True)
+    if result.damage:
         raise typer.Exit(REJECTED)
 
 
@@ -305,6 +333,7 @@ def _print_how_to_open(path: Path) -> None:
 @contextmanager
 def refusing() -> Iterator[None]:
     """Turn what cannot be read or written into one line and exit code 2."""
+    from analysis.imports.recording import BadFileError
     from wire.logs.mcap_scan import LogError
 
     try:
@@ -312,4 +341,4 @@ def refusing() -> Iterator[None]:
     except (OSError, LogError, ConfigError) as error:
         print_json_error(error_text(error))
         typer.echo(f"gcs-log: {error_text(error)}", err=True)
-        raise typer.Exit(NOT_RIGHT) from error
+        raise typer.Exit(REJECTED if isinstance(error, BadFileError) else NOT_RIGHT) from error

@@ -13,7 +13,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reading import LONGEST_WORDS, read, scenario_of, stamps_ns
+from analysis.reading import LONGEST_WORDS, imported_sysids, read, scenario_of, signal_rows, stamps_ns
 from analysis.series import Columns, Index, Series
 from formation import topics
 from formation.config import LabConfig
@@ -55,6 +55,7 @@ READ: Mapping[Topic, tuple[str, ...]] = MappingProxyType({
     topics.TRUTH: ("sysid", "dist_lab_m_s2", "on_ground"),
     topics.LINK_UP: ("sysid", "data", "superseded"),
     topics.LINK_DOWN: ("sysid", "data", "superseded"),
+    topics.SIGNAL: ("body", "table", "names", "since_s", "values"),
 })  # fmt: skip
 """The columns that analysis reads of a file; flights in memory have them all."""
 RARE = (topics.EVENT, topics.LAW_FAILURE, topics.REQUEST, topics.REPLY, topics.PHASE)
@@ -129,6 +130,14 @@ class Traffic:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """What another recorder wrote of one quantity of `analysis.imports.maps`: t_s (T,), values (T, w)."""
+
+    t_s: Float
+    values: Float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Flight:
     """One log, read: everything analysis needs, times in seconds since the log's first record.
 
@@ -153,6 +162,8 @@ class Flight:
     down: Traffic
     truth: Mapping[int, Columns]
     phases: tuple[PhaseSpan, ...]
+    signals: Mapping[tuple[str, str], Signal]
+    """By body and quantity: of logs that were imported or joined."""
     closed: bool = True
 
     @property
@@ -210,7 +221,7 @@ def _flight(metadata: Mapping[str, str], begin_ns: int, found: Mapping[Topic, To
         return _series(found.get(topic, NOTHING), begin_ns, kind)
 
     mocap, reference = columns(topics.MOCAP), columns(topics.REFERENCE)
-    vehicles = _vehicles(run.lab, mocap, reference)
+    vehicles = _vehicles(run.lab, imported_sysids(metadata), mocap, reference)
     return Flight(
         run=run,
         vehicles=vehicles,
@@ -230,6 +241,10 @@ def _flight(metadata: Mapping[str, str], begin_ns: int, found: Mapping[Topic, To
         down=traffic(topics.LINK_DOWN, found.get(topics.LINK_DOWN, NOTHING), begin_ns),
         truth=_truth(columns(topics.TRUTH)),
         phases=_spans(rare(topics.PHASE, PhaseChange), duration_s),
+        signals={
+            name: Signal(_seconds(rows.t_ns - begin_ns), rows.values)
+            for name, rows in signal_rows(found.get(topics.SIGNAL, NOTHING)).items()
+        },
     )
 
 
@@ -276,7 +291,9 @@ def _run(metadata: Mapping[str, str]) -> Run:
     )
 
 
-def _vehicles(lab: LabConfig | None, mocap: Columns, reference: Columns) -> tuple[Vehicle, ...]:
+def _vehicles(
+    lab: LabConfig | None, sysids: Mapping[str, int], mocap: Columns, reference: Columns
+) -> tuple[Vehicle, ...]:
     """The configured vehicles; without a configuration, the mocap's bodies with the last m commanded."""
     if lab is not None:
         columns = {index: column for column, index in enumerate(lab.commanded)}
@@ -284,7 +301,9 @@ def _vehicles(lab: LabConfig | None, mocap: Columns, reference: Columns) -> tupl
     bodies = mocap["bodies"][0] if len(mocap) else ()
     commanded = reference["in_formation"].shape[1] if len(reference) else len(bodies)
     observed = len(bodies) - min(commanded, len(bodies))
-    return tuple(Vehicle(body, None, i - observed if i >= observed else None) for i, body in enumerate(bodies))
+    return tuple(
+        Vehicle(body, sysids.get(body), i - observed if i >= observed else None) for i, body in enumerate(bodies)
+    )
 
 
 _OF_BODIES = ("pos_lab_m", "q_lab_from_flu", "seen", "rejected")

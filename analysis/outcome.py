@@ -12,6 +12,7 @@ import numpy as np
 
 from analysis.links import from_drones, from_ground
 from analysis.load import Flight, PhaseSpan, Vehicle
+from analysis.reading import IMPORTED
 from analysis.tracking import reference_lab_m
 from formation.codes import FlightResult, Outcome
 from formation.maths.arrays import Float
@@ -47,6 +48,8 @@ class Path:
 
 def outcome(flight: Flight) -> Outcome:
     """How it ended; of several failures the worst, and its first reason."""
+    if not flight.phases and IMPORTED in flight.run.metadata:
+        return Outcome(FlightResult.IMPORTED)
     if not flight.phases:
         return Outcome(FlightResult.ABORTED, "the log holds no phases")
     drones = [(i, v) for i, v in enumerate(flight.vehicles) if v.column is not None]

@@ -1,14 +1,15 @@
 """The columns of a log whose stamps fit the log's own time, so that one stamp of another year makes no endless grid."""
 
+import json
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
 from formation import topics
-from formation.maths.arrays import Bool
+from formation.maths.arrays import Bool, Float
 from formation.topics import Topic
 from wire.columns import Index
 from wire.logs.mcap_read import LogColumns, TopicColumns, holds_nothing, read_columns
@@ -16,6 +17,8 @@ from wire.text import plain
 
 LONGEST_WORDS = 200
 STRAY_NS = 600_000_000_000
+IMPORTED = "imported"
+"""Key of a run's metadata: which files of others a log was made of, JSON."""
 STAMPS: Mapping[Topic, str] = MappingProxyType({
     topics.MOCAP: "t_capture_ns", topics.STATE: "t_ns", topics.REFERENCE: "t_ns", topics.COMMAND: "t_ns",
     topics.TARGET: "t_ns", topics.TRUTH: "t_ns",
@@ -54,6 +57,47 @@ def _fits(topic: Topic, found: TopicColumns, begin_ns: int) -> Bool:
 def stamps_ns(topic: Topic, found: TopicColumns) -> Index:
     """The times that messages speak of, else when they were logged."""
     return found.fields[STAMPS[topic]].values if topic in STAMPS else found.t_ns
+
+
+def imported_sysids(metadata: Mapping[str, str]) -> dict[str, int]:
+    """The system id of each vehicle of a log that was imported, by its name; none where it was not."""
+    try:
+        files = json.loads(metadata.get(IMPORTED, "[]"))
+        return {plain(str(each["body"]), LONGEST_WORDS): int(each["sysid"]) for each in files}
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return {}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """One table of signals: t_ns (T,); values (T, w); names (w,)."""
+
+    t_ns: Index
+    values: Float
+    names: tuple[str, ...]
+
+
+def signal_rows(found: TopicColumns) -> dict[tuple[str, str], Rows]:
+    """The tables in messages of `SignalRows`, by body and name; rows that do not fit their names are left out."""
+    if not len(found.t_ns):
+        return {}
+    since_s, counts = found.fields["since_s"].flat()
+    numbers, sizes = found.fields["values"].flat()
+    starts, firsts = np.cumsum(counts) - counts, np.cumsum(sizes) - sizes
+    parts: dict[tuple[str, str], list[Rows]] = {}
+    texts = (found.fields[name].values.tolist() for name in ("body", "table", "names"))
+    spans = zip(found.t_ns.tolist(), starts.tolist(), counts.tolist(), firsts.tolist(), sizes.tolist(), strict=True)
+    for body, table, names, (t_ns, start, count, first, size) in zip(*texts, spans, strict=True):
+        same = parts.setdefault((body, table), [])
+        if size != count * len(names) or (same and same[0].names != names):
+            continue
+        at_ns = t_ns + np.rint(1e9 * since_s[start : start + count]).astype(np.int64)
+        same.append(Rows(at_ns, numbers[first : first + size].reshape(count, len(names)), names))
+    return {
+        name: Rows(np.concatenate([p.t_ns for p in same]), np.concatenate([p.values for p in same]), same[0].names)
+        for name, same in parts.items()
+        if same
+    }
 
 
 def scenario_of(metadata: Mapping[str, str]) -> str:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.reading import Rows, signal_rows
 from formation import topics
 from formation.maths.arrays import Layout
 from formation.topics import LINK_UP, Topic
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
 
 Table = Mapping[str, NDArray[Any]]
 LINK = "drone/link"
+IMPORTED = (topics.SIGNAL, topics.COLUMN)
+"""Topics of which every table is one of its own, `import/signal/rates`."""
 _AXES = {3: ("_x", "_y", "_z"), 4: ("_w", "_x", "_y", "_z")}
 
 
@@ -55,10 +58,15 @@ def load(path: Path, wanted: Collection[str] | None = None) -> LogTables:
     """
     asked = frozenset((*(topic.name for topic in topics.ALL), LINK) if wanted is None else wanted)
     read = [topic for topic in topics.ALL if topic.name in asked or (topic is LINK_UP and LINK in asked)]
-    log = read_columns(path, {topic: [field.name for field in fields(topic.type)] for topic in read})
+    read += [topic for topic in IMPORTED if any(name.startswith(topic.name) for name in asked) and topic not in read]
+    of_topics = {topic: [field.name for field in fields(topic.type)] for topic in read}
+    log = read_columns(path, {topic: ["table"] for topic in IMPORTED} | of_topics)
     if not log.held:
         raise holds_nothing(path, log.check.damage)
-    names = *(topic.name for topic in topics.ALL if topic in log.held), *([LINK] if LINK_UP in log.held else [])
+    imported = [f"{topic.name}/{each}" for topic in IMPORTED for each in _held(log.topics.get(topic))]
+    plain = [topic.name for topic in topics.ALL if topic in log.held and topic not in IMPORTED]
+    names = (*plain, *([LINK] if LINK_UP in log.held else []), *imported)
+    asked = asked.union(imported) if wanted is None else asked
     return LogTables(log.metadata, names, clock_of(log.metadata).unix_ns, _tables(_Dated(log), dict(log.topics), asked))
 
 
@@ -83,7 +91,9 @@ def _tables(run: _Dated, columns: dict[Topic, TopicColumns], asked: Collection[s
     """The tables of these names; columns that have become a table are let go."""
     for topic in list(columns):
         found = columns.pop(topic)
-        if topic.name in asked:
+        if topic in IMPORTED:
+            yield from _imported(topic, found, run, asked)
+        elif topic.name in asked:
             yield topic.name, _table(topic.type, found, run)
         if topic is LINK_UP and LINK in asked:
             yield LINK, _link(found, run)
@@ -108,6 +118,28 @@ def _table(kind: type, found: TopicColumns, run: _Dated) -> Table:
         elif counts is None or name != "bodies":
             columns[name] = repeated(_plain(hints[name], found.fields[name]))
     return columns
+
+
+def _held(found: TopicColumns | None) -> list[str]:
+    """The names of the tables in messages of `SignalRows`, in order of their first."""
+    return [] if found is None else list(dict.fromkeys(found.fields["table"].values.tolist()))
+
+
+def _imported(topic: Topic, found: TopicColumns, run: _Dated, asked: Collection[str]) -> Iterator[tuple[str, Table]]:
+    """Each table that another recorder wrote, its vehicles' rows one behind the other."""
+    wanted = [table for table in _held(found) if f"{topic.name}/{table}" in asked]
+    rows = signal_rows(found) if wanted else {}
+    for table in wanted:
+        parts = [(body, part) for (body, name), part in rows.items() if name == table]
+        names = dict.fromkeys(name for _, part in parts for name in part.names)
+        columns = {name: np.concatenate([_column(part, name) for _, part in parts]) for name in names}
+        body = np.concatenate([np.full(len(part.t_ns), body, dtype=object) for body, part in parts])
+        times = run.times(np.concatenate([part.t_ns for _, part in parts]))
+        yield f"{topic.name}/{table}", {**times, "body": body} | columns
+
+
+def _column(rows: Rows, name: str) -> NDArray[Any]:
+    return rows.values[:, rows.names.index(name)] if name in rows.names else np.full(len(rows.t_ns), np.nan)
 
 
 def _layout(hint: Any) -> Layout | None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from analysis.load import Flight
 from analysis.metrics import Summary
+from analysis.reading import IMPORTED
 from analysis.tracking import Tracking, in_formation_phase
 from formation.codes import EventCode, FlightResult, Outcome
 from formation.config import FollowerConfig, LabConfig, TrajectoryConfig
@@ -57,6 +58,8 @@ def flown(flight: Flight) -> str:
     """What was flown: the vehicles, the leader's path, the slots, the link."""
     if not flight.vehicles:
         return "The log has neither a configuration nor a mocap frame: what was flown is unknown."
+    if IMPORTED in flight.run.metadata:
+        return f"Another recorder's log of {listed(tuple(v.body for v in flight.vehicles))}, imported."
     leader = flight.leader.body
     commanded = flight.leader.column is not None
     lab = flight.run.lab
@@ -116,8 +119,9 @@ def _slot(follower: FollowerConfig, leader: str) -> str:
 
 def happened(flight: Flight, tracking: Tracking, summary: Summary) -> str:
     """What happened: the phases in order, how well the formation held, how it ended."""
-    if not flight.phases:
-        return "The log holds no phases: what follows covers everything that was recorded."
+    without = "The log holds no phases: what follows covers everything that was recorded."
+    if not flight.phases and summary.outcome.result is not FlightResult.IMPORTED:
+        return without
     verbs = {
         Phase.ARMED: "armed",
         Phase.TAKEOFF: "took off",
@@ -127,9 +131,10 @@ def happened(flight: Flight, tracking: Tracking, summary: Summary) -> str:
         Phase.STOPPED: "was stopped",
     }
     steps = [f"{verbs[s.phase]} at {s.start_s:.1f} s" for s in flight.phases if s.phase in verbs]
-    if flight.phases[-1].phase is Phase.GROUND and len(steps) > 1:
+    if flight.phases and flight.phases[-1].phase is Phase.GROUND and len(steps) > 1:
         steps.append(f"was back on the ground at {flight.phases[-1].start_s:.1f} s")
     text = f"The swarm {listed(tuple(steps))}. " if steps else "Nothing left the ground. "
+    text = text if flight.phases else f"{without} "
     text += "".join(
         f"At {t_s:.1f} s: {event.text}. "
         for t_s, event in zip(flight.events.t_s, flight.events.messages, strict=True)
@@ -162,6 +167,8 @@ def _ending(outcome: Outcome) -> str:
     match outcome.result:
         case FlightResult.LANDED:
             return "All landed as asked."
+        case FlightResult.IMPORTED:
+            return "The log is another recorder's, which does not say how it ended."
         case FlightResult.HELD:
             return "The record ends with the swarm holding its place in the air."
         case FlightResult.STARVED:

@@ -97,10 +97,11 @@ class FlightResult(StrEnum):
     CUT = "cut"
     ABORTED = "aborted"
     LAW_FAILED = "law failed"
+    IMPORTED = "imported"  # another's log, which does not say how it ended
     STARVED = "starved"  # no flight: the machine gave a simulator too little time
 
 
-GOOD_RESULTS = frozenset({FlightResult.LANDED, FlightResult.HELD})
+GOOD_RESULTS = frozenset({FlightResult.LANDED, FlightResult.HELD, FlightResult.IMPORTED})
 """Of a flight that ended as it was asked to."""
 
 

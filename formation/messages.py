@@ -25,6 +25,7 @@ from formation.maths.arrays import (
     Codes,
     Flags,
     Quats,
+    Scalars,
     SingleQuat,
     SingleQuats,
     SingleScalars,
@@ -273,6 +274,22 @@ class Innovation:
     innovation_variance: SingleVec3
     test_ratio: SingleVec3
     rejected: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SignalRows:
+    """K rows of one table of w signals that another recorder wrote, as `gcs-log import` and `join` bring them in.
+
+    t_ns: of the first row; body: whose; names: of the columns. since_s (K,): time of each row after the first, s;
+    values (K * w,): row by row; NaN where a column has no value in a row, and no row has none at all.
+    """
+
+    t_ns: int
+    body: str
+    table: str
+    names: tuple[str, ...]
+    since_s: Scalars
+    values: Scalars
 
 
 @dataclass(frozen=True, slots=True)

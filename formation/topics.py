@@ -42,6 +42,8 @@ REJECTED = Topic("edge/refused", m.Event, 1.0, Drop.NEVER)
 PHASE = Topic("phase", m.PhaseChange, 0.1, Drop.NEVER)
 TRUTH = Topic("sim/truth", m.Truth, 250.0, Drop.OLDEST_LOST)
 INNOVATION = Topic("guard/innovation", m.Innovation, 40.0, Drop.OLDEST_LOST)
+SIGNAL = Topic("import/signal", m.SignalRows, 1.0, Drop.NEVER)
+COLUMN = Topic("import/column", m.SignalRows, 1.0, Drop.NEVER)
 TICK = Topic("input/tick", m.Tick, 100.0, Drop.NEVER)
 CLOCK = Topic("clock", m.ClockPair, 1 / 60, Drop.NEVER)
 TIMING = Topic("timing/loop", m.LoopTiming, 100.0, Drop.OLDEST_LOST)
@@ -67,5 +69,7 @@ ALL = (
     TIMING,
     TRUTH,
     INNOVATION,
+    SIGNAL,
+    COLUMN,
     CLOCK,
 )

@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 from analysis.identify.signals import CONFIDENCE, UP, Estimate, about, covariance
 from analysis.links import from_drones, from_ground
 from analysis.load import Flight, Poses, Vehicle
+from analysis.reading import IMPORTED
 from analysis.tracking import airborne
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
@@ -35,9 +36,9 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class Sensing:
-    """delay_s: capture, as stamped, to receipt by the ground, median."""
+    """delay_s: capture, as stamped, to receipt by the ground, median; None where no ground received the poses."""
 
-    delay_s: Estimate
+    delay_s: Estimate | None
     noise: tuple[Noise, ...]
 
 
@@ -51,7 +52,7 @@ def estimate_sensing(flight: Flight) -> Sensing | str:
         _noise(vehicle.body, poses, index, ~airborne(flight, poses.t_s))
         for index, vehicle in enumerate(flight.vehicles)
     )
-    return Sensing(_median(delay_s), noise)
+    return Sensing(None if IMPORTED in flight.run.metadata else _median(delay_s), noise)
 
 
 def _median(ordered: Float) -> Estimate:

@@ -98,11 +98,28 @@ class Seen:
 
 
 def sent(flight: Flight) -> dict[int, Sent]:
-    """The targets of every drone, by system id."""
+    """The targets of every drone, by system id; those that another recorder wrote where none crossed a link."""
+    if not len(flight.down) and len(flight.target):
+        return _recorded(flight)
     every = setpoints(flight.down.frames, flight.down.sysid)
     t_s, sysids = flight.down.t_s[every.datagram], flight.down.sysid[every.datagram]
     columns = t_s, every.q_lab_from_flu, every.rate_flu_rad_s, every.thrust_norm
     return {sysid: Sent(*(column[sysids == sysid] for column in columns)) for sysid in np.unique(sysids).tolist()}
+
+
+def _recorded(flight: Flight) -> dict[int, Sent]:
+    """The targets of the log's own channel, of which each vehicle has those that are there."""
+    found = dict[int, Sent]()
+    for vehicle in flight.vehicles:
+        if vehicle.sysid is None or vehicle.column is None:
+            continue
+        names = ("q_lab_from_flu", "rate_flu_rad_s", "thrust_norm")
+        q, rates, thrust = (flight.target[name][:, vehicle.column] for name in names)
+        is_there = np.isfinite(q).all(axis=1)
+        if is_there.any():
+            no_rates = np.nan_to_num(rates[is_there])  # none sent is no lead
+            found[vehicle.sysid] = Sent(flight.target.t_s[is_there], q[is_there], no_rates, thrust[is_there])
+    return found
 
 
 def seen(flight: Flight, vehicle: Vehicle) -> Seen:

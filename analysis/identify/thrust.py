@@ -35,6 +35,8 @@ class Thrust:
 
 def fit(of: Sent, saw: Seen, delay_s: float, motor_lag_s: float) -> Thrust | str:
     """The thrust of one vehicle whose delay and motor lag are known, or why it cannot be had from this flight."""
+    if not np.isfinite(of.thrust_norm).all():
+        return "thrust was not recorded with every target"
     windows = list(_windows(of, saw, delay_s, motor_lag_s))
     if len(windows) < 40:
         return "too little uninterrupted free flight"

@@ -161,23 +161,24 @@ def _first_of_each(t_s: Float, bin_s: float = 0.05) -> Float:
 
 
 def attitude(flight: Flight, tracking: Tracking) -> Drawing:
-    """Roll and pitch of each follower against their targets, and a close-up of the liveliest seconds."""
+    """Roll and pitch of each follower, or of a leader that flew alone, against their targets, and a close-up of the
+    liveliest seconds."""
     if not len(flight.target) or not len(flight.poses):
         return Missing("attitude against target needs mocap frames and attitude targets; the log lacks one of them")
-    chosen = worst_followers(tracking, 4)
+    chosen = tuple(k + 1 for k in worst_followers(tracking, 4)) or (0,)
     rows = (1.0,) * len(chosen)
     fig, grid = style.Sheet(0.6 + 1.6 * len(chosen), rows, (1.2, 1.2, 1.0), gap_in=(0.34, 0.8), share_x="col").axes()
     wanted = np.degrees(roll_pitch(flight.target["q_lab_from_flu"]))
-    measured = np.degrees(roll_pitch(flight.poses.q_lab_from_flu[:, 1:]))
+    measured = np.degrees(roll_pitch(flight.poses.q_lab_from_flu))
     start_s = _liveliest(flight, wanted)
     colours = style.colours(len(flight.vehicles))
     for row, k in zip(grid, chosen, strict=True):
-        column = flight.followers[k].column or 0
+        column = flight.vehicles[k].column or 0
         for ax, axis in zip(row, (0, 1, 1), strict=True):
-            tilt = style.broken(measured[:, k, axis], flight.poses.seen[:, k + 1])
+            tilt = style.broken(measured[:, k, axis], flight.poses.seen[:, k])
             style.line(ax, flight.target.t_s, wanted[:, column, axis], color="#9aa5b1", lw=1.3, label="target")
-            style.line(ax, flight.poses.t_s, tilt, color=colours[k + 1], lw=0.9, label=flight.followers[k].body)
-        row[0].set_title(flight.followers[k].body)
+            style.line(ax, flight.poses.t_s, tilt, color=colours[k], lw=0.9, label=flight.vehicles[k].body)
+        row[0].set_title(flight.vehicles[k].body)
         row[0].set_ylabel("roll, °")
         row[1].set_ylabel("pitch, °")
         _close_up(row[2], flight, wanted[:, column, 1], measured[:, k, 1], start_s)

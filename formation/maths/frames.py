@@ -99,6 +99,30 @@ def from_rotation_vector(rotation_rad: Float) -> Float:
     return canonical(np.concatenate([np.cos(0.5 * angle), half_sinc * rotation_rad], axis=-1))
 
 
+def from_euler(roll_rad: Float, pitch_rad: Float, yaw_rad: Float) -> Float:
+    """Quaternion of yaw about z, then pitch about the new y, then roll about the new x; shapes (...), (..., 4)."""
+    x, y, z = (
+        from_rotation_vector(np.multiply.outer(angle, axis))
+        for angle, axis in zip((roll_rad, pitch_rad, yaw_rad), np.eye(3), strict=True)
+    )
+    return canonical(multiply(multiply(z, y), x))
+
+
+def rotation_vector(q_a_from_b: Float) -> Float:
+    """Axis times angle of unit quaternion(s), the shorter way, rad; shapes (..., 4), (..., 3)."""
+    q = canonical(q_a_from_b)
+    angle = 2.0 * np.arctan2(np.linalg.norm(q[..., 1:], axis=-1, keepdims=True), q[..., :1])
+    vector: Float = 2.0 * q[..., 1:] / np.sinc(0.5 * angle / np.pi)
+    return vector
+
+
+def interpolated(t_s: Float, q: Float, at_s: Float) -> Float:
+    """Attitudes at other times, between neighbours the shorter way; shapes (T,) rising, (T, 4), (K,) and (K, 4)."""
+    turned = np.sum(q[1:] * q[:-1], axis=-1) < 0.0
+    signs = np.append(1.0, np.where(np.cumsum(turned) % 2, -1.0, 1.0))[:, None]
+    return canonical(np.stack([np.interp(at_s, t_s, part) for part in (q * signs).T], axis=-1))
+
+
 def rotate_about_z(yaw_rad: Float, v_lead: Float) -> Float:
     """v_lab of v_lead for a lead frame at heading yaw (Eq. 2 inverted); shapes (...), (..., 3)."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)

@@ -22,6 +22,8 @@ from tests.docs.manual_pages import BASE_LAB, MANUAL, ROOT, Block, Labs, blocks,
 RUN = ("gcs check", "gcs rules", "gcs-sim list", "gcs-sim check", "gcs-sim run", "gcs-log", "drone-agent --stages")
 """What is run: what needs neither drone, cameras, recording, browser nor another process, and ends by itself."""
 
+RECORDINGS = ("--leader-csv", "gcs-log import")
+"""What needs a recording of others, which the tests of the command make."""
 RERUN = find_spec("rerun") is not None
 """Whether the extra `live` is installed, without which there is no blueprint for Rerun."""
 
@@ -32,7 +34,7 @@ def runs(block: Block) -> list[str]:
     return [
         c
         for c in shell_lines(block)
-        if c.startswith(RUN) and "--leader-csv" not in c and (RERUN or not c.endswith(".rbl"))
+        if c.startswith(RUN) and not any(word in c for word in RECORDINGS) and (RERUN or not c.endswith(".rbl"))
     ]
 
 

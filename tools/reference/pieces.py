@@ -577,6 +577,19 @@ def results(vehicle: str) -> str:
     return paper_page.markdown(flown)
 
 
+def import_quantities(_: str = "") -> str:
+    """What a map of `gcs-log import` can name."""
+    from analysis.imports.maps import QUANTITIES, Kind
+
+    parts = {Kind.ATTITUDE: "4, or roll, pitch, yaw", Kind.WORLD: "3", Kind.BODY: "3"}
+    rows = (
+        (f"`{name}`", "any" if of.any else parts.get(of.kind, "1"), ", ".join(f"`{unit}`" for unit in of.units),
+         f"`{of.name}`")
+        for name, of in QUANTITIES.items()
+    )  # fmt: skip
+    return table(("quantity", "columns", "units, the first where none is named", "in tables"), rows)
+
+
 def version(_: str = "") -> str:
     """The release that the manual describes."""
     from wire.version import VERSION
@@ -648,7 +661,8 @@ PIECES: Mapping[str, Callable[[str], str]] = {
     piece.__name__.replace("_", "-"): piece
     for piece in (
         api, commands, exit_codes, keys, profiles, presets, trajectories, shapes, scenarios, fault_families, topics,
-        messages, guard_times, events, rejections, mavlink, autopilot, results, version, extras, drawing.equations,
+        messages, guard_times, events, rejections, mavlink, autopilot, results, import_quantities, version, extras,
+        drawing.equations,
     )
 }  # fmt: skip
 """By the name that a page uses."""

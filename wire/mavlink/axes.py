@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from formation.maths.arrays import Quat, Vec3
+from formation.maths.arrays import Float, Quat, Vec3
 from wire.mavlink.framing import MavlinkError
 
 Triple = tuple[float, float, float]
@@ -28,6 +28,12 @@ def ned(vector_lab: Vec3) -> Triple:
 def lab(x: float, y: float, z: float) -> Vec3:
     """v_lab of v_ned, and v_flu of v_frd; NaN stays NaN."""
     return np.array((x, 0.0 - y, 0.0 - z))
+
+
+def lab_of(vectors: Float) -> Float:
+    """v_lab of v_ned, v_flu of v_frd, (..., 3); and q_lab_from_flu of q_ned_from_frd, (..., 4), w first."""
+    turned: Float = vectors * np.array([1.0] * (np.shape(vectors)[-1] - 2) + [-1.0, -1.0])
+    return turned
 
 
 def lab_finite(x: float, y: float, z: float) -> Vec3:

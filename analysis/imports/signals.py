@@ -1,0 +1,116 @@
+"""One recording and its map -> our quantities, in lab and flu, SI; what the map does not name stays as it was."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
+
+import numpy as np
+
+from analysis.imports.maps import PULSE_NONE, QUANTITIES, ImportMap, Kind, Quantity, Signal
+from analysis.imports.recording import Recording, Table
+from formation.maths import frames
+from formation.maths.arrays import Float
+from formation.model import UNIT_WITHIN
+from wire.errors import ConfigError
+from wire.mavlink import axes
+
+NEAR_S = 0.1
+"""Between samples farther apart nothing is interpolated."""
+MAY_REST = ("reference_position", "reference_velocity", "reference_heading")
+"""What may be the same to the last bit in a whole flight; of anything else such columns were never written."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sampled:
+    """One quantity on the file's clock: t_s (T,), values (T, w) without a NaN."""
+
+    t_s: Float
+    values: Float
+
+    def at(self, at_s: Float, attitude: bool = False) -> Float:
+        """(K, w): interpolated; NaN where the neighbours are farther apart than NEAR_S, or there are not two."""
+        after = np.clip(np.searchsorted(self.t_s, at_s), 1, len(self.t_s) - 1) if len(self.t_s) > 1 else None
+        if after is None:
+            return np.full((len(at_s), self.values.shape[1]), np.nan)
+        near = (self.t_s[after] - self.t_s[after - 1] <= NEAR_S) & (at_s >= self.t_s[0]) & (at_s <= self.t_s[-1])
+        if attitude:
+            found = frames.interpolated(self.t_s, self.values, at_s)
+        else:
+            found = np.stack([np.interp(at_s, self.t_s, column) for column in self.values.T], axis=1)
+        return np.where(near[:, None], found, np.nan)
+
+    def held(self, at_s: Float) -> Float:
+        """(K, w): each value until the next, for as long as NEAR_S; NaN else."""
+        at = np.searchsorted(self.t_s, at_s, side="right") - 1
+        found = self.values[np.maximum(at, 0)]
+        return np.where(((at >= 0) & (at_s - self.t_s[at] <= NEAR_S))[:, None], found, np.nan)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Imported:
+    """One vehicle's file. quantities: by the name in `QUANTITIES`; others: what the map names nothing of, by table."""
+
+    body: str
+    recording: Recording
+    title: str
+    quantities: Mapping[str, Sampled]
+    others: Mapping[str, Table]
+
+
+def imported(recording: Recording, by: ImportMap, body: str) -> Imported:
+    """The recording by a map; ConfigError where the map names columns of several tables for one quantity, or none
+    that is there for any."""
+    columns, quantities, used = recording.columns(), dict[str, Sampled](), set[str]()
+    for signal in by.signals:
+        if signal.quantity in quantities:
+            continue
+        names = [name.removeprefix("-") for name in signal.columns]
+        if all(name in columns for name in names):
+            found = _sampled(recording, signal, names, columns, signal.axes or by.axes)
+            if len(found.t_s):
+                quantities[signal.quantity] = found
+                used.update(names)
+    if not quantities:
+        raise ConfigError([f"{recording.path}: has no column that {by.title} names"])
+    return Imported(body, recording, by.title, quantities, _others(recording, used))
+
+
+def _sampled(
+    recording: Recording, signal: Signal, names: list[str], columns: Mapping[str, tuple[str, str]], world: str
+) -> Sampled:
+    tables = {columns[name][0] for name in names}
+    if len(tables) > 1:
+        raise ConfigError([f"{recording.path}: {signal.quantity}: columns of {', '.join(sorted(tables))}: name one's"])
+    of, rows = QUANTITIES[signal.quantity], recording.tables[tables.pop()]
+    signs = np.array([-1.0 if name.startswith("-") else 1.0 for name in signal.columns])
+    raw = signs * np.stack([np.asarray(rows.columns[columns[name][1]], np.float64) for name in names], axis=1)
+    is_there = np.isfinite(raw).all(axis=1)
+    if of.kind is Kind.ATTITUDE and raw.shape[1] == 4:
+        is_there &= np.abs(np.linalg.norm(np.where(is_there[:, None], raw, 0.0), axis=1) - 1.0) < UNIT_WITHIN
+    if signal.quantity not in MAY_REST and len(raw) > 1 and not (raw[is_there] != raw[is_there][:1]).any():
+        is_there[:] = False
+    return Sampled(rows.t_s[is_there], _ours(of, signal, raw[is_there], is_ned=world == "ned"))
+
+
+def _ours(of: Quantity, signal: Signal, raw: Float, is_ned: bool) -> Float:
+    """Values (T, w) in our units and axes."""
+    if of.kind is Kind.ATTITUDE and raw.shape[1] == 4:
+        values = frames.canonical(raw[:, [3, 0, 1, 2]] if signal.order == "xyzw" else raw)
+    else:
+        values = raw * of.units.get(signal.unit, 1.0) + (PULSE_NONE if signal.unit == "us" else 0.0)
+        if of.kind is Kind.ATTITUDE:
+            values = frames.from_euler(*values.T)
+    if not is_ned or of.kind is Kind.SCALAR:
+        return values
+    return -values if of.kind is Kind.HEADING else axes.lab_of(values)
+
+
+def _others(recording: Recording, used: Collection[str]) -> dict[str, Table]:
+    """The tables without the columns that were used."""
+    left = [each for name, each in recording.columns().items() if name not in used]
+    tables = {}
+    for name, columns in groupby(left, key=itemgetter(0)):
+        rows = recording.tables[name]
+        tables[name] = Table(rows.t_s, {column: rows.columns[column] for _, column in columns})
+    return tables

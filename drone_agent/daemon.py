@@ -8,6 +8,7 @@ from drone_agent.core import AgentCore
 from drone_agent.guard.core import warm_up
 from drone_agent.guarded import GuardedDrone
 from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_protection, open_ground_link
+from drone_agent.simulation.airframe import Airframe, share_air
 from formation.messages import Datagram, LabFrame
 from wire.clock import REAL_TIME, Clock
 from wire.errors import ConfigError
@@ -84,7 +85,8 @@ async def run(configs: Sequence[SimulatedDroneConfig], report: EventSink, clock:
     """
     stop, rejections, protections = Stop(report), RejectionLog(), [drone_protection(config) for config in configs]
     cores = [_core(config, clock) for config in configs]
-    compile_all("drone-agent", lambda: _warm_up(cores, clock), sys.stderr)
+    airframes = [(core.autopilot if isinstance(core, GuardedDrone) else core).airframe for core in cores]
+    compile_all("drone-agent", lambda: _warm_up(cores, airframes, clock), sys.stderr)
     pumps = [_Pump(config, core, report, clock, rejections) for config, core in zip(configs, cores, strict=True)]
     bus: ZenohBus | None = None
     try:
@@ -92,6 +94,7 @@ async def run(configs: Sequence[SimulatedDroneConfig], report: EventSink, clock:
             bus = await ZenohBus.open(configs[0].link, configs[0].lab, rejections, protections[0])
 
             def receive_frame(frame: LabFrame) -> None:
+                share_air(airframes)
                 for pump in pumps:
                     pump.receive_frame(frame)
 
@@ -135,8 +138,9 @@ def _core(config: SimulatedDroneConfig, clock: Clock) -> Drone:
         raise ConfigError([f"drone-agent: parameters: {error}"]) from error
 
 
-def _warm_up(cores: Sequence[Drone], clock: Clock) -> None:
+def _warm_up(cores: Sequence[Drone], airframes: Sequence[Airframe], clock: Clock) -> None:
     """Nothing compiles in flight."""
+    share_air(airframes)
     for core in cores:
         core.truth(clock.monotonic_ns())
     warm_up()

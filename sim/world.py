@@ -8,13 +8,11 @@ from collections.abc import Sequence
 from heapq import heappop, heappush
 from itertools import count
 
-import numpy as np
-
+from drone_agent.simulation.airframe import share_air
 from drone_agent.simulation.attitude_loop import OWN, Physics
 from formation.control.presets import Preset
 from formation.messages import Event, HostReport, LabFrame, OperatorRequest, Phase, RawFrame, Truth, Verb
 from formation.topics import INNOVATION, MOCAP_EVENT, TRUTH
-from formation.vehicle.rigid_body import downwash_into
 from gcs.recording import Input, Record
 from mocap.core import MocapCore
 from sim.cameras.emulator import MocapEmulator
@@ -78,7 +76,7 @@ class World:
             c.sysid: DroneNode(c, scenario, seed, T0_NS, without, physics) for c in agent_configs(scenario, leader)
         }
         self._in_order = list(self.nodes.values())
-        self._down_m_s2 = np.zeros(len(self._in_order))
+        self._airframes = [node.autopilot.airframe for node in self._in_order]
         self._count = count()
         self._drones_due: list[tuple[int, int, int, Sent | None]] = []
         """A heap: when, whose of `_TURNS` turns, a number that keeps the order, and what arrives then; None: a tick."""
@@ -170,11 +168,7 @@ class World:
         for truth in truths.values():
             self._record(TRUTH, truth, self.now_ns)
         self._emulator.expose(truths)
-        frames = [node.autopilot.airframe for node in self._in_order]
-        x, numbers = np.array([f.state.x for f in frames]), np.array([f.profile.numbers for f in frames])
-        downwash_into(x, numbers, self._down_m_s2)
-        for frame, down_m_s2 in zip(frames, self._down_m_s2.tolist(), strict=True):
-            frame.receive_downwash(down_m_s2)
+        share_air(self._airframes)
 
     def _show_frames(self) -> None:
         """Raw frames arrive at the mocap; its frames go to the ground and to every drone's own pose feed."""

@@ -5,6 +5,7 @@ step that leaves the grid alone, so that two hosts that ask at different times f
 """
 
 from collections import deque
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +19,7 @@ from drone_agent.simulation.inertial import WINDOW_NS, InertialSensor
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.frames import IDENTITY, from_yaw
 from formation.vehicle.profile import VehicleProfile, VehicleState, at_rest
+from formation.vehicle.rigid_body import downwash_into
 
 _FIX_NS = 4 * WINDOW_NS
 
@@ -178,3 +180,12 @@ class Airframe:
         push_into(self._air.air, (self.t_ns - self._t0_ns) * 1e-9, self.state.pos_lab_m, self.profile.reach_m, push)
         push[2] -= self._down_m_s2
         return push
+
+
+def share_air(airframes: Sequence[Airframe]) -> None:
+    """Let the jet of each of these vehicles push those below it, from the grids' present on."""
+    down_m_s2 = np.empty(len(airframes))
+    x, numbers = np.array([f.state.x for f in airframes]), np.array([f.profile.numbers for f in airframes])
+    downwash_into(x, numbers, down_m_s2)
+    for airframe, down in zip(airframes, down_m_s2.tolist(), strict=True):
+        airframe.receive_downwash(down)

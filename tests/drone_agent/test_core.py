@@ -12,7 +12,7 @@ from drone_agent.core import AgentCore
 from drone_agent.flight.estimator import Estimator
 from drone_agent.guard.position import LoopSetpoint
 from drone_agent.link.schedule import RASTER_NS, Schedule
-from drone_agent.simulation.airframe import Airframe
+from drone_agent.simulation.airframe import Airframe, share_air
 from drone_agent.simulation.disturbance import Disturbance, SweptFan
 from drone_agent.simulation.inertial import InertialError, InertialSensor
 from formation.config import LinkConfig
@@ -61,6 +61,18 @@ def test_truth_is_exact_between_the_steps_of_the_physics() -> None:
         fallen_m = 9.8 * (t_s - (1.0 - np.exp(-t_s)))
         assert frame.state_at(t_ns).pos_lab_m[2] - 50.0 == pytest.approx(-fallen_m, rel=0.005, abs=1e-5)
     assert frame.t_ns == 499 * MS
+
+
+def test_vehicles_that_share_air_push_those_below_them() -> None:
+    """Hovering motors 0.6 m above; nothing any more once they are off."""
+    lower, upper = airframe(np.zeros(3)), airframe(np.array([0.0, 0.0, 0.6]))
+    upper.state.motor_thrust_n[:] = 2.45
+    share_air([lower, upper])
+    assert -2.5 < lower.push_lab_m_s2[2] < -2.0
+    assert upper.push_lab_m_s2[2] == 0.0
+    upper.state.motor_thrust_n[:] = 0.0
+    share_air([lower, upper])
+    assert lower.push_lab_m_s2[2] == 0.0
 
 
 def test_setpoints_rule_after_the_vehicles_delay_in_their_order() -> None:

@@ -15,26 +15,27 @@ SCENE = league.SCENES["crossing"](PAPER_40G)
 LOWER = 1
 
 
-def sag_m(downwash_share: float, by: Host = Host.STUDY) -> float:
-    """The most that the lower one is below where it is led, from when it is first in its slot, by its true states."""
+def height_error_m(downwash_share: float, by: Host = Host.STUDY) -> float:
+    """The most that the height of the lower one is off while it crosses and after, by its true states."""
     gains = replace(preset_for("default", PAPER_40G, SCENE.lab.mocap), downwash_share=downwash_share)
     outcome, flight = host.fly(SCENE, 1, gains, by)
     assert outcome in ("held", "landed")
     tracking, truth = track(league.true(flight)), flight.truth[SCENE.lab.followers[LOWER].sysid or 0]
     assert truth["dist_lab_m_s2"][:, 2].min() == pytest.approx(-1.97, abs=0.1)
-    return float(-tracking.error_lead_m[tracking.scored.all(axis=1).argmax() :, LOWER, 2].min())
+    counted = tracking.formed.all(axis=1) & np.logical_or.accumulate(tracking.scored.all(axis=1))
+    return float(np.abs(tracking.error_lead_m[counted, LOWER, 2]).max())
 
 
-def test_the_feed_forward_halves_the_sag_in_lockstep_and_without_it_both_hosts_show_the_same() -> None:
-    without_m = sag_m(0.0, Host.LOCKSTEP)
+def test_the_feed_forward_halves_the_error_in_lockstep_and_without_it_both_hosts_show_the_same() -> None:
+    without_m = height_error_m(0.0, Host.LOCKSTEP)
     assert without_m > 0.02
-    assert sag_m(1.0, Host.LOCKSTEP) < 0.5 * without_m
-    assert sag_m(0.0) == pytest.approx(without_m, rel=0.1)
+    assert height_error_m(1.0, Host.LOCKSTEP) < 0.5 * without_m
+    assert height_error_m(0.0) == pytest.approx(without_m, rel=0.1)
 
 
 @pytest.mark.parametrize("believed", [0.65, 1.35])
 def test_it_still_does_where_the_force_is_a_third_off(believed: float) -> None:
-    assert sag_m(believed) < 0.5 * sag_m(0.0)
+    assert height_error_m(believed) < 0.5 * height_error_m(0.0)
 
 
 def test_nothing_is_learned_into_the_thrust_in_a_jet() -> None:

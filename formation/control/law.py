@@ -23,7 +23,7 @@ from formation.control.prediction import (
     motion_at,
     situation,
 )
-from formation.estimation.downwash import downwash_m_s2
+from formation.estimation.downwash import downwash_m_s2, jets
 from formation.estimation.response import NEVER_NS, SECONDS, attitude_dead_s
 from formation.guidance.followed_leader import STEP_MAX_S
 from formation.guidance.reference_generator import SLOT
@@ -217,9 +217,10 @@ def _vertical_demand(
     if context.references[i].kind == SLOT:
         out.yaw_rad += w.heading[0] - w.lead[0, 3]
         out.yaw_rate_rad_s += w.heading[1] - w.lead[1, 3]
-    z = context.estimates[n]
-    downwash = downwash_m_s2(context.estimates, context.observers, n, hold_ns) if z.downwash_m_s2 < 0.0 else 0.0
-    z3 = z.dist_lab_m_s2[2] + downwash - z.downwash_m_s2
+    z, z3 = context.estimates[n], context.estimates[n].dist_lab_m_s2[2]
+    if z.downwash_m_s2 < 0.0:
+        flying = jets(context.estimates, context.observers)
+        z3 += downwash_m_s2(flying, context.observers, n, (hold_ns - z.t_ns) * SECONDS) - z.downwash_m_s2
     for axis in range(2, 3):  # as a plain 2 it would be a type of its own to numba, and compiled again
         _feed_back(axis, law.vertical, law.speed_m_s, 1.0, memory, context.references[i].airborne, dt_s, w, out)
         _ask(axis, law.vertical, z3, w, out)

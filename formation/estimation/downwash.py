@@ -2,41 +2,50 @@
 
 from math import hypot
 
-from formation.estimation.response import SECONDS
+import numpy as np
+
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
+from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows
 from formation.vehicle.rigid_body import jet_force_n
 
+THRUST = 6
+
 
 @kernel
-def downwash_m_s2(estimates: Rows[VehicleEstimate], settings: Rows[ObserverSettings], i: int, to_ns: int) -> float:
-    """Modelled acceleration of vehicle i along z at to_ns, <= 0; all fly on with their velocities.
+def jets(estimates: Rows[VehicleEstimate], settings: Rows[ObserverSettings]) -> Float:
+    """Position, velocity and thrust, N, of each (n, 7): side by side, for all pairs are looked at.
 
-    A vehicle's jet is its thrust, as modelled: nothing of one that is only observed, whose motors nobody knows.
+    No thrust of one that is only observed: nobody knows its motors.
     """
-    z, own = estimates[i], settings[i].airframe
-    h, down_m_s2 = (to_ns - z.t_ns) * SECONDS, 0.0
+    flying = np.empty((len(estimates), 7))
     for j in range(len(estimates)):
-        upper, other = estimates[j], settings[j].airframe
-        thrust_n = other.mass_kg * upper.thrust_scale * upper.thrust_m_s2
-        below_m = upper.pos_lab_m[2] - z.pos_lab_m[2] + h * (upper.vel_lab_m_s[2] - z.vel_lab_m_s[2])
-        if j != i and thrust_n > 0.0 and below_m > 0.0:
-            x_m = upper.pos_lab_m[0] - z.pos_lab_m[0] + h * (upper.vel_lab_m_s[0] - z.vel_lab_m_s[0])
-            y_m = upper.pos_lab_m[1] - z.pos_lab_m[1] + h * (upper.vel_lab_m_s[1] - z.vel_lab_m_s[1])
-            force_n = jet_force_n(hypot(x_m, y_m), below_m, thrust_n, other.reach_m, own.reach_m, own.rotor_m)
+        z = estimates[j]
+        for axis in range(3):
+            flying[j, axis], flying[j, 3 + axis] = z.pos_lab_m[axis], z.vel_lab_m_s[axis]
+        flying[j, THRUST] = settings[j].airframe.mass_kg * z.thrust_scale * z.thrust_m_s2
+    return flying
+
+
+@kernel
+def downwash_m_s2(flying: Float, settings: Rows[ObserverSettings], i: int, ahead_s: float) -> float:
+    """Modelled acceleration of vehicle i along z, <= 0, when all have flown on for so long as they fly in `jets`."""
+    own, down_m_s2 = settings[i].airframe, 0.0
+    for j in range(len(flying)):
+        below_m = flying[j, 2] - flying[i, 2] + ahead_s * (flying[j, 5] - flying[i, 5])
+        if j != i and below_m > 0.0 and flying[j, THRUST] > 0.0:
+            x_m = flying[j, 0] - flying[i, 0] + ahead_s * (flying[j, 3] - flying[i, 3])
+            y_m = flying[j, 1] - flying[i, 1] + ahead_s * (flying[j, 4] - flying[i, 4])
+            upper_m, aside_m = settings[j].airframe.reach_m, hypot(x_m, y_m)
+            force_n = jet_force_n(aside_m, below_m, flying[j, THRUST], upper_m, own.reach_m, own.rotor_m)
             down_m_s2 += force_n / own.mass_kg
     return -settings[i].downwash_share * down_m_s2
 
 
 @kernel
-def follow_downwash(
-    old: Rows[VehicleEstimate], settings: Rows[ObserverSettings], i: int, airborne: bool, z: VehicleEstimate
-) -> None:
-    """Let Z3 of the height of vehicle i, in z, change at once by what the downwash has changed by since `old`."""
-    if settings[i].commanded_index < 0:
-        return
-    now_m_s2 = downwash_m_s2(old, settings, i, z.t_ns) if airborne else 0.0
-    z.dist_lab_m_s2[2] += now_m_s2 - z.downwash_m_s2
-    z.downwash_m_s2 = now_m_s2
+def follow_downwash(z: VehicleEstimate, downwash: float) -> None:
+    """Let Z3 of the height change at once by what the downwash, m/s^2, has changed by."""
+    z.dist_lab_m_s2[2] += downwash - z.downwash_m_s2
+    z.downwash_m_s2 = downwash

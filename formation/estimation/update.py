@@ -11,7 +11,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.estimation.downwash import follow_downwash
+from formation.estimation.downwash import downwash_m_s2, follow_downwash, jets
 from formation.estimation.observers import (
     PUSH_MOST_M_S2,
     adapt,
@@ -107,7 +107,7 @@ def _estimate(
     old: Rows[VehicleEstimate], new: Rows[VehicleEstimate],
 ) -> None:  # fmt: skip
     """See `estimate`; new (n) is filled."""
-    model, q_before = np.zeros(3), np.zeros(4)
+    model, q_before, flying = np.zeros(3), np.zeros(4), jets(old, settings)
     for i in range(len(old)):
         new[i] = old[i]
         z, s = new[i], settings[i]
@@ -121,7 +121,8 @@ def _estimate(
                 for k in range(4):
                     q_before[k] = z.q_lab_from_flu[k]
                     z.q_lab_from_flu[k] = q_lab_from_flu[i, k]
-            follow_downwash(old, settings, i, airborne[i], z)
+            if s.commanded_index >= 0:
+                follow_downwash(z, downwash_m_s2(flying, settings, i, dt_s) if airborne[i] else 0.0)
             model_acceleration(z, from_ns, to_ns, seen[i], airborne[i], s, history, model)
             if seen[i] and airborne[i] and s.parallel.bandwidth_rad_s > 0.0:
                 receive_inertial(z, q_before, force_meas_flu_m_s2[i], dt_s, s.drag_1_s)

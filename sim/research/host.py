@@ -222,8 +222,10 @@ class OwnForces:
 class Vehicles:
     """All true vehicles of a flight, in the order in which the lab commands them, each behind its link."""
 
-    def __init__(self, scenario: Scenario, leader: Playback | None, seed: int, wind: Float = STILL) -> None:
-        """wind: see `advance_vehicles`."""
+    def __init__(
+        self, scenario: Scenario, leader: Playback | None, seed: int, wind: Float = STILL, *, has_jets: bool = True
+    ) -> None:
+        """wind: see `advance_vehicles`; has_jets: whether they push each other, besides."""
         lab, link, drones = scenario.lab, scenario.link, agent_configs(scenario, leader)
         profiles = [drone.true_vehicle() for drone in drones]
         self.sysids = tuple(drone.sysid for drone in drones)
@@ -252,7 +254,7 @@ class Vehicles:
         self.forces = OwnForces(drones, up, imu_hz, self._flown["x"]) if imu_hz else None
         self._attitude_ns, self._force_ns = T0_NS + ATTITUDE_NS, T0_NS + WINDOW_NS if imu_hz else NOTHING_DUE_NS
         self._air, self._wind, self._t_ns = scenario.air.air, wind, T0_NS
-        self._down_m_s2 = np.zeros(len(drones))
+        self._has_jets, self._down_m_s2 = has_jets, np.zeros(len(drones))
         self.drain(0.0)
 
     def order(self, target: AttitudeTarget, now_ns: int) -> None:
@@ -323,8 +325,9 @@ class Vehicles:
         self._advance_grid(grid_ns)
 
     def _advance_grid(self, to_ns: int) -> None:
-        x, numbers = (np.ascontiguousarray(self._flown[name]) for name in ("x", "numbers"))
-        downwash_into(x, numbers, self._down_m_s2)
+        if self._has_jets:
+            x, numbers = (np.ascontiguousarray(self._flown[name]) for name in ("x", "numbers"))
+            downwash_into(x, numbers, self._down_m_s2)
         advance_vehicles(self._flown, self._air, self._wind, self._down_m_s2, T0_NS, self._t_ns, to_ns)
         self._t_ns = to_ns
 

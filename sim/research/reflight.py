@@ -81,7 +81,7 @@ class _Reflight:
     def __init__(self, before: Recorded, change: Change) -> None:
         self._recorded = recorded = change.applied(before)
         scenario = recorded.scenario.model_copy(update={"lab": recorded.lab})
-        self._vehicles = Vehicles(scenario, None, 0, recorded.wind)
+        self._vehicles = Vehicles(scenario, None, 0, recorded.wind, has_jets=False)  # they are in the recorded wind
         self._vehicles.begin(recorded.flown, recorded.begin_ns)
         self._own_of_leader = self._vehicles.flown["q_flu_from_own"][0]
         law, lab = change.law, recorded.lab.model_copy(update={"control_preset": before.lab.control_preset})

@@ -6,7 +6,6 @@ identified by PWM and voltage, behind their lag; here less its median in that fl
 thrust map's error of that battery. Flights with CF100, whose accelerometer they warn of, are left out.
 """
 
-import csv
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,16 +43,6 @@ LARGE = Kind(0.067, 0.1248, 0.033, (44.103866, -122.511518, -36.184843, 53.10772
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Flown:
-    """One vehicle of one flight on a common grid: positions (T, 3), thrust (T,), force of the air along z (T,)."""
-
-    kind: Kind
-    pos_m: Float
-    thrust_n: Float
-    force_n: Float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Below:
     """A vehicle's samples: force (T,), and those above it: kind, aside, below, thrust, each (T,)."""
 
@@ -80,39 +69,35 @@ class Below:
         return is_near
 
 
-def read(path: Path) -> tuple[Float, Flown]:
-    """A vehicle's own log: times, s, and what it flew."""
-    with path.open(newline="", encoding="utf-8") as file:
-        table = np.array([[float(value) for value in row] for row in list(csv.reader(file))[1:]])
+def read(path: Path) -> tuple[Kind, Float, Float]:
+    """A vehicle's own log: kind, times, s, (T,), and x, y, z, m, force by the air along z and thrust, N, (T, 5)."""
+    table = np.genfromtxt(path, delimiter=",", skip_header=1)
     kind, pwm, share = LARGE if path.name.startswith("cf1") else SMALL, table[:, 18:22], table[:, 22:23] / FULL_V
     c = kind.thrust_g
-    grams = (c[0] + c[1] * pwm + c[2] * share + c[3] * pwm**2 + c[4] * share * pwm).sum(axis=1)
-    thrust_n = 1e-3 * G_M_S2 * grams
+    thrust_n = 1e-3 * G_M_S2 * (c[0] + c[1] * pwm + c[2] * share + c[3] * pwm**2 + c[4] * share * pwm).sum(axis=1)
     for k in range(1, len(thrust_n)):
         thrust_n[k] = thrust_n[k - 1] + THRUST_SHARE * (thrust_n[k] - thrust_n[k - 1])
     upright = 1.0 - 2.0 * (table[:, 10] ** 2 + table[:, 11] ** 2)
     force_n = kind.mass_kg * table[:, 9] - thrust_n * upright
-    return 1e-6 * (table[:, 0] - table[0, 0]), Flown(kind, table[:, 1:4], thrust_n, force_n)
+    return kind, 1e-6 * (table[:, 0] - table[0, 0]), np.column_stack([table[:, 1:4], force_n, thrust_n])
 
 
 def flight(files: Sequence[Path]) -> Iterator[Below]:
     """One flight's vehicles, each with what was above it."""
     logs = [read(path) for path in files]
-    t_s = np.arange(0.0, min(times[-1] for times, _ in logs), STEP_S)
-    pos = [np.column_stack([np.interp(t_s, times, f.pos_m[:, axis]) for axis in range(3)]) for times, f in logs]
-    # What a vehicle gives the air is the thrust that it has, not what its motors would have given in still air.
-    lifts_n = [np.interp(t_s, times, f.thrust_n + f.force_n) for times, f in logs]
-    for i, (times, own) in enumerate(logs):
-        flies = pos[i][:, 2] > FLYING_M
+    t_s = np.arange(0.0, min(times[-1] for _, times, _ in logs), STEP_S)
+    grid = [np.column_stack([np.interp(t_s, times, column) for column in each.T]) for _, times, each in logs]
+    for (kind, _, _), own in zip(logs, grid, strict=True):
         others = [
-            (logs[j][1].kind, np.hypot(*(pos[j] - pos[i])[:, :2].T), (pos[j] - pos[i])[:, 2], lifts_n[j])
-            for j in range(len(logs)) if j != i
+            # What a vehicle gives the air is the thrust that it has, not what its motors would have given in still air.
+            (upper, np.hypot(*(other - own)[:, :2].T), other[:, 2] - own[:, 2], other[:, 3] + other[:, 4])
+            for (upper, _, _), other in zip(logs, grid, strict=True) if other is not own
         ]  # fmt: skip
+        flies = own[:, 2] > FLYING_M
         free = flies & np.all([(z < 0.0) | (aside > FREE_M) for _, aside, z, _ in others], axis=0)
-        force_n = np.interp(t_s, times, own.force_n)
         if np.count_nonzero(free) >= FREE_SAMPLES:
-            lost_n = np.median(force_n[free]) - force_n
-            yield Below(own.kind, lost_n[flies], [(k, a[flies], z[flies], t[flies]) for k, a, z, t in others])
+            lost_n = np.median(own[free, 3]) - own[flies, 3]
+            yield Below(kind, lost_n, [(k, a[flies], z[flies], lift_n[flies]) for k, a, z, lift_n in others])
 
 
 def flights(folder: Path, odd: bool | None = None) -> list[Below]:

@@ -14,7 +14,6 @@ from formation.names import unknown
 from formation.vehicle.profile import GainScale, VehicleProfile
 
 PLAIN, ALONE = LagCompensation(), Parallel()
-SEEN_HEADING_FAST = Parallel(bandwidth_rad_s=60.0, pos_sigmas=8.0, vel_sigmas=11.0, dist_sigmas=5.0, hold_s=0.6)
 SEEN_ADAPTATION = Adaptation(lag_s=0.117, threshold=1.55, most=6.1)
 
 
@@ -25,7 +24,8 @@ class Preset:
     follower, follower_vertical, leader, leader_vertical: laws by role and axis; compensate: whether the followers'
     horizontal law predicts over the dead time and inverts the lag (all other loops always do); observer: FTESO of
     the followers' horizontal axes; own_observer, vertical_observer, heading_observer (rad): of a commanded leader's
-    horizontal axes, of commanded heights and headings; seen_*: of a leader that is only observed;
+    horizontal axes, of commanded heights and headings; seen_*: of a leader that is only observed (of its heading the
+    fastest of several);
     dead_share, lag_share: how much of the attitude's dead time and lag is counted on;
     thrust_scale_lag_s: how slowly Z3 of the height moves into the thrust scale; downwash_share: of the modelled
     downwash of the drones above that is fed forward; the rest: see
@@ -53,10 +53,8 @@ class Preset:
     tilt_bandwidth_rad_s: float = 40.0
     tilt_decay_1_s: float = 7.0
     quiet_m: float = 2e-4
-    quiet_rad: float = 1e-3
     seen_adaptation: Adaptation = SEEN_ADAPTATION
     parallel: Parallel = ALONE
-    seen_heading_parallel: Parallel = SEEN_HEADING_FAST
     lag_compensation: LagCompensation = PLAIN
     leader_lag_compensation: LagCompensation = PLAIN
 
@@ -100,7 +98,7 @@ DEFAULT = Preset(
     heading_observer=ObserverGains(8.0, -0.1, 0.02),
     seen_observer=ObserverGains(12.0, -0.1, 0.004),
     seen_vertical_observer=ObserverGains(20.0, -0.1, 0.004),
-    seen_heading_observer=ObserverGains(2.4, -0.1, 0.01),
+    seen_heading_observer=ObserverGains(60.0, -0.1, 0.01),
     tilt_bandwidth_rad_s=18.0,
     tilt_decay_1_s=11.2,
     attitude_trust=0.13,
@@ -150,17 +148,22 @@ def preset_for(name: str, profile: VehicleProfile, mocap: MocapConfig) -> Preset
     return gains if gains.name.startswith("paper") else scaled_for(gains, profile, mocap)
 
 
+def loop_s(profile: VehicleProfile, mocap: MocapConfig) -> float:
+    """Camera to specific force, by attitude; a dead time counts twice, because it may be twice what is believed."""
+    wait_s = mocap.delay_s + 1.5 / mocap.rate_hz
+    return wait_s + 2.0 * profile.response_dead_time_s + profile.response_lag_s
+
+
 def gain_scale_of(profile: VehicleProfile, mocap: MocapConfig) -> GainScale:
     """How fast a vehicle's loops are flown: as it was tuned, else in inverse proportion to the loop's delay.
 
-    Horizontal: a dead time counts twice, because it may be twice what is believed. Vertical: so fast that dead times
+    Vertical: so fast that dead times
     twice as long as believed, the cameras' and the thrust's, are carried. A short loop is flown no faster than the
     gains.
     """
     if profile.gain_scale is not None:
         return profile.gain_scale
-    wait_s = mocap.delay_s + 1.5 / mocap.rate_hz
-    horizontal = min(1.0, HORIZONTAL_LOOP_S / (wait_s + 2.0 * profile.response_dead_time_s + profile.response_lag_s))
+    horizontal = min(1.0, HORIZONTAL_LOOP_S / loop_s(profile, mocap))
     vertical = min(1.0, VERTICAL_DELAY_S / (mocap.delay_s + profile.thrust_dead_time_s))
     return GainScale(horizontal=horizontal, observer=horizontal, vertical=vertical)
 

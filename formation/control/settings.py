@@ -10,7 +10,7 @@ from formation.control.law import LawSettings
 from formation.control.limits import KEEP_OUT, SEPARATION_FILTER, SPEED_LIMIT
 from formation.control.limits.attitude import AttitudeSettings, ForceLimits, turn_authority
 from formation.control.limits.barriers import BarrierSettings
-from formation.control.presets import ALONE, Preset
+from formation.control.presets import ALONE, Preset, loop_s
 from formation.estimation.settings import Airframe, ObserverSettings, Response
 from formation.maths.records import Rows, rows
 from formation.vehicle.body import GRAVITY_M_S2
@@ -26,8 +26,9 @@ def observer_settings(
 ) -> Rows[ObserverSettings]:
     """Observers and responses; profiles and gains of the n vehicles in the order of `config.vehicles`."""
     commanded_index = {vehicle: i for i, vehicle in enumerate(config.commanded)}
+    ahead_s = max(loop_s(profiles[i], config.mocap) for i in config.commanded)
     each = enumerate(zip(profiles, gains, strict=True))
-    return rows(ObserverSettings, [_observers(i == 0, commanded_index.get(i, -1), p, g) for i, (p, g) in each])
+    return rows(ObserverSettings, [_observers(i == 0, commanded_index.get(i, -1), p, g, ahead_s) for i, (p, g) in each])
 
 
 def law_settings(config: LabConfig, gains: tuple[Preset, ...]) -> Rows[LawSettings]:
@@ -69,7 +70,9 @@ def barrier_settings(
     )
 
 
-def _observers(leads: bool, commanded_index: int, profile: VehicleProfile, gains: Preset) -> ObserverSettings:
+def _observers(
+    leads: bool, commanded_index: int, profile: VehicleProfile, gains: Preset, ahead_s: float
+) -> ObserverSettings:
     seen = commanded_index < 0
     commanded = gains.own_observer if leads else gains.observer
     return ObserverSettings(
@@ -89,10 +92,9 @@ def _observers(leads: bool, commanded_index: int, profile: VehicleProfile, gains
         tilt_bandwidth_rad_s=gains.tilt_bandwidth_rad_s,
         tilt_decay_1_s=gains.tilt_decay_1_s,
         quiet_m=gains.quiet_m,
-        quiet_rad=gains.quiet_rad,
         adaptation=gains.seen_adaptation,
         parallel=ALONE if seen else gains.parallel,
-        heading_parallel=gains.seen_heading_parallel if seen else ALONE,
+        ahead_s=ahead_s,
         airframe=Airframe(profile.mass_kg, profile.reach_m, profile.rotor_radius_m),
         downwash_share=gains.downwash_share,
     )

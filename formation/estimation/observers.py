@@ -22,7 +22,7 @@ sensor with a lasting error acts for some seconds only. Without accelerometer sa
 r is here the largest ratio of the difference between both observers, in position, velocity and disturbance, to what the
 measurement's noise alone makes of it, or the same ratio of the accelerometer's innovation. In calm air the estimate is
 the slow observer's and quiet. A push shows at once, without an adaptation time. One weight serves both horizontal axes,
-so that a turn of the axes changes nothing. The heading has a pair of its own.
+so that a turn of the axes changes nothing.
 
 A push sets both apart to one side, and once more when it ends. A loop that swings by itself, because the law's gains
 rise with the weight and the vehicle is slower than believed, sets them apart to one side and the other, again and
@@ -39,12 +39,10 @@ A command answers the push of the time when it takes effect, and till then the p
 * fourth power: by the square, hover_gust 20.4 for 19.3, triangle_circle 0.457 for 0.413, crossing 0.153 for 0.162.
 * thresholds by noise in place of likelihoods: by an interacting multiple model, hover_gust 16.0, but crossing
   0.133; with six deviations of noise for what the model misses, crossing 0.181, but hover_gust 29.3.
-* the heading's pair: by likelihoods, a leader that wobbles by 10 mrad is answered at 0.4 Hz with 0.55 times the slot's
-  own motion for 1.36, but at 1 Hz with 1.33 for 0.64; one observer of 25 rad/s alone, vicon_leader 18.6.
 * reversals: nothing on these flights; it keeps the loop of a vehicle that is slower than believed from feeding itself.
 """
 
-from math import exp, pi, sqrt
+from math import exp, sqrt
 
 import numpy as np
 
@@ -53,10 +51,10 @@ from formation.estimation.settings import ObserverGains, ObserverSettings, Paral
 from formation.estimation.state import FastObserver, VehicleEstimate
 from formation.maths.arrays import Float
 from formation.maths.kernel import kernel
-from formation.maths.quaternion import heading_of, rotate_into
+from formation.maths.quaternion import rotate_into
 from formation.paper.eq34_observer import fteso_step
 
-NOISE_LEAST_M, NOISE_LEAST_RAD = 2e-5, 1e-4  # of a position, of a heading: the least believed
+NOISE_LEAST_M = 2e-5  # of a position: the least believed
 NOISE_LAG_S, NOISE_SPAN_S = 0.5, 0.2  # how slowly it is learned, from how close frames
 HEIGHT_LAG_S, HEIGHT_SIGMAS, HEIGHT_MOST = 0.03, 6.0, 3.0  # of a height that we command: filter, noise, the most
 HEIGHT_M = 0.005  # no mass, battery or take-off makes the model miss it by more
@@ -101,17 +99,10 @@ def learned(var: float, square: float, share: float, least: float) -> float:
 
 
 @kernel
-def wrapped(angle: float) -> float:
-    """The same angle in [-pi, pi)."""
-    return (angle + pi) % (2.0 * pi) - pi
-
-
-@kernel
 def learn_noise(z: VehicleEstimate, to_ns: int, pos_lab_m: Float) -> None:
-    """Learns the variances of the measured position and heading from what smooth motion cannot explain."""
+    """Learns the variance of the measured position from what smooth motion cannot explain."""
     noise = z.noise
     span_s = (to_ns - noise.recent_ns[0]) * SECONDS
-    yaw_rad = z.heading.yaw_rad + wrapped(heading_of(z.q_lab_from_flu) - z.heading.yaw_rad)
     if span_s < NOISE_SPAN_S:
         times = np.zeros(3)
         for k in range(3):
@@ -120,13 +111,10 @@ def learn_noise(z: VehicleEstimate, to_ns: int, pos_lab_m: Float) -> None:
         for axis in range(3):
             error, gain = extrapolation_error(times, noise.recent_m[:, axis], 0.0, pos_lab_m[axis])
             square += error * error / gain
-        error, gain = extrapolation_error(times, noise.recent_yaw_rad, 0.0, yaw_rad)
         share = min(span_s / (3.0 * NOISE_LAG_S), 1.0)
         noise.var_m2 = learned(noise.var_m2, square / 3.0, share, NOISE_LEAST_M)
-        noise.yaw_var_rad2 = learned(noise.yaw_var_rad2, error * error / gain, share, NOISE_LEAST_RAD)
     for k in range(3):
         noise.recent_ns[k] = noise.recent_ns[k + 1] if k < 2 else to_ns
-        noise.recent_yaw_rad[k] = noise.recent_yaw_rad[k + 1] if k < 2 else yaw_rad
         for axis in range(3):
             noise.recent_m[k, axis] = noise.recent_m[k + 1, axis] if k < 2 else pos_lab_m[axis]
 
@@ -314,38 +302,3 @@ def disturbance_rate(z: VehicleEstimate, axis: int, settings: ObserverSettings) 
     lag_1_s = settings.parallel.bandwidth_rad_s / RATE_LAG
     rate: float = weight * lag_1_s * (z.dist_lab_m_s2[axis] - z.dist_late_lab_m_s2[axis])
     return rate
-
-
-@kernel
-def observe_heading(z: VehicleEstimate, seen: bool, dt_s: float, settings: ObserverSettings) -> None:
-    """One step of the heading's FTESO, its angle unwrapped; unseen, the turn asked for alone, and no Z3.
-
-    Where a second, fast one is beside it (formation.estimation.observers), the estimate is between them.
-    """
-    heading = z.heading
-    psi, rate, dist, turn = heading.yaw_rad, heading.rate_rad_s, heading.dist_rad_s2, heading.acc_command_rad_s2
-    ahead = psi + dt_s * rate + 0.5 * dt_s * dt_s * (turn + dist)
-    if not seen:
-        heading.yaw_rad, heading.rate_rad_s, heading.dist_rad_s2 = ahead, rate + dt_s * turn, 0.0
-        heading.fast_minus_slow[2] = 0.0
-        return
-    y = ahead + wrapped(heading_of(z.q_lab_from_flu) - ahead)
-    slow, fast, weight = settings.heading, settings.heading_parallel, 0.0
-    estimate = np.array((psi, rate, dist))
-    if fast.bandwidth_rad_s > 0.0:
-        w_slow, w_fast, most = slow.bandwidth_rad_s, fast.bandwidth_rad_s, np.empty(3)
-        step_both(
-            estimate, heading.fast_minus_slow, blending_weight(heading.ratio), turn, y, dt_s, w_slow, w_fast, slow
-        )
-        noise_thresholds(max(settings.quiet_rad, sqrt(z.noise.yaw_var_rad2)), w_fast, dt_s, fast, most)
-        heading.ratio *= exp(-dt_s / fast.hold_s)
-        for order in range(3):
-            heading.ratio = max(heading.ratio, abs(heading.fast_minus_slow[order]) / most[order])
-        weight = blending_weight(heading.ratio)
-    else:
-        estimate[0], estimate[1], estimate[2] = fteso_step(
-            psi, rate, dist, turn, y, dt_s, slow.bandwidth_rad_s, slow.alpha, slow.scale, slow.smooth
-        )
-    heading.yaw_rad = estimate[0] + weight * heading.fast_minus_slow[0]
-    heading.rate_rad_s = estimate[1] + weight * heading.fast_minus_slow[1]
-    heading.dist_rad_s2 = estimate[2] + weight * heading.fast_minus_slow[2]

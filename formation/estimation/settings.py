@@ -52,8 +52,7 @@ class Parallel:
 
     *_sigmas: how many times what noise makes it see its position, velocity and disturbance must differ from the slow
     one's to be believed by half; attitude_trust: share of the measured tilt that a frame is given where it is believed;
-    urgency: the vehicle's adaptive gain there, powers of which multiply the law's gains (both of positions alone);
-    hold_s: how slowly it is given up again (of headings alone: a leader that turns to and fro passes through rest).
+    urgency: the vehicle's adaptive gain there, powers of which multiply the law's gains.
     """
 
     bandwidth_rad_s: float = 0.0
@@ -62,7 +61,6 @@ class Parallel:
     dist_sigmas: float = 8.0
     attitude_trust: float = 1.0
     urgency: float = 1.0
-    hold_s: float = 0.1
 
     def scaled(self, rate: float) -> "Parallel":
         """The same observer, its bandwidth and what is above 1 of its urgency multiplied by `rate`."""
@@ -89,9 +87,9 @@ class ObserverSettings:
     vehicle that is only observed.
     thrust_scale_lag_s: how slowly Z3 of the height moves into the thrust scale; attitude_trust: share of the measured
     tilt, against the modelled one, that a frame is given; tilt_bandwidth_rad_s, tilt_decay_1_s: filter of an observed
-    vehicle's tilt and of its rate (0: its attitude is not used); quiet_m, quiet_rad: position noise above which
-    bandwidths shrink, and heading noise that is always expected; parallel, heading_parallel: of the horizontal axes and
-    of the heading; downwash_share: of the modelled downwash of others that Z3 of the height follows at once.
+    vehicle's tilt and of its rate (0: its attitude is not used); quiet_m: position noise above which bandwidths shrink;
+    parallel: of the horizontal axes; ahead_s: how far ahead its followers' commands are (formation.estimation.heading);
+    downwash_share: of the modelled downwash of others that Z3 of the height follows at once.
     """
 
     commanded_index: int
@@ -108,9 +106,8 @@ class ObserverSettings:
     tilt_bandwidth_rad_s: float
     tilt_decay_1_s: float
     quiet_m: float
-    quiet_rad: float
     adaptation: Adaptation
     parallel: Parallel
-    heading_parallel: Parallel
+    ahead_s: float
     airframe: Airframe
     downwash_share: float

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from formation.maths.arrays import Float, Layout, Mat3, Motion, Quat, Vec2, Vec3
+from formation.maths.arrays import Float, Layout, Mat3, Motion, Quat, Vec2, Vec3, Vec4
 
 
 @dataclass(slots=True)
@@ -22,18 +22,30 @@ class LastSeen:
 
 @dataclass(slots=True)
 class HeadingEstimate:
-    """Z1, Z2 and Z3 of the heading's observers, the angle unwrapped, and the turn that was asked for.
-
-    fast_minus_slow: the three of its fast observer less the slow one's; ratio: the largest of them over its noise limit
-    of late, which gives the fast observer's weight (`observers.observe_heading`).
-    """
+    """Z1, Z2 and Z3 of the heading's observers, the angle unwrapped, and the turn that was asked for."""
 
     yaw_rad: float
     rate_rad_s: float
     dist_rad_s2: float
     acc_command_rad_s2: float
-    fast_minus_slow: Vec3
-    ratio: float
+
+
+@dataclass(slots=True)
+class HeadingBank:
+    """The observers of a heading that is only observed, and how well each has foretold it (`heading.observe_bank`).
+
+    observed: angle, rate and acceleration (columns) of every observer. foretold: what each one predicts, low-passed;
+    earlier: the same at earlier_ns (0: nothing), until it is judged; measured: the angle of the last frame, low-passed.
+    square: of every observer, the mean square of its low-passed error; noise: of what the fastest one did not expect.
+    """
+
+    observed: Annotated[Float, Layout(np.float64, (4, 3))]
+    foretold_rad: Vec4
+    earlier_ns: Annotated[Float, Layout(np.int64, (8,))]
+    earlier_rad: Annotated[Float, Layout(np.float64, (8, 4))]
+    measured_rad: float
+    square_rad2: Vec4
+    noise_rad2: float
 
 
 @dataclass(slots=True)
@@ -50,13 +62,11 @@ class ObservedTilt:
 
 @dataclass(slots=True)
 class NoiseEstimate:
-    """Learned variances of the measured position and heading, and the last three that were seen (`learn_noise`)."""
+    """Learned variance of the measured position, and the last three that were seen (`learn_noise`)."""
 
     var_m2: float
-    yaw_var_rad2: float
     recent_ns: Annotated[Float, Layout(np.int64, (3,))]
     recent_m: Mat3
-    recent_yaw_rad: Vec3
 
 
 @dataclass(slots=True)
@@ -126,6 +136,7 @@ class VehicleEstimate:
     vel_lab_m_s: Vec3
     dist_lab_m_s2: Vec3
     heading: HeadingEstimate
+    heading_bank: HeadingBank
     motion: Motion
     specific_force_lab_m_s2: Vec3
     thrust_m_s2: float

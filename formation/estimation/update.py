@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formation.estimation.downwash import downwash_m_s2, follow_downwash, jets
+from formation.estimation.heading import AMPLIFIED, observe_heading
 from formation.estimation.observers import (
     PUSH_MOST_M_S2,
     adapt,
     follow_disturbance,
     height_gain,
     learn_noise,
-    observe_heading,
     observe_parallel,
     receive_inertial,
 )
@@ -43,7 +43,7 @@ from formation.messages import LabFrame, SwarmState
 from formation.paper.eq34_observer import fteso_step
 from formation.vehicle.body import GRAVITY_M_S2
 
-NOISE_FIRST_M, NOISE_FIRST_RAD, ACCEL_NOISE_INITIAL_M_S2 = 2e-4, 1e-3, 0.3  # the first guess of each sensor's noise
+NOISE_FIRST_M, NOISE_FIRST_RAD, ACCEL_NOISE_INITIAL_M_S2 = 2e-4, 3e-3, 0.3  # the first guess of each sensor's noise
 LIFT_LEAST = 0.3  # of gravity: below it the thrust scale is not learned
 
 
@@ -62,9 +62,12 @@ def initial(frame: LabFrame, flying: Flags) -> Rows[VehicleEstimate]:
     z["thrust_m_s2"] = z["specific_force_lab_m_s2"][:, 2] = np.where(flying, GRAVITY_M_S2, 0.0)
     z["inertial"]["var_m2_s4"] = ACCEL_NOISE_INITIAL_M_S2**2
     noise = z["noise"]
-    noise["var_m2"], noise["yaw_var_rad2"] = NOISE_FIRST_M**2, NOISE_FIRST_RAD**2
+    noise["var_m2"] = NOISE_FIRST_M**2
     noise["recent_ns"], noise["recent_m"] = NEVER_NS, frame.pos_lab_m[:, None, :]
-    noise["recent_yaw_rad"] = z["heading"]["yaw_rad"][:, None]
+    bank = z["heading_bank"]
+    bank["observed"][:, :, 0] = bank["foretold_rad"] = z["heading"]["yaw_rad"][:, None]
+    bank["measured_rad"], bank["noise_rad2"] = z["heading"]["yaw_rad"], NOISE_FIRST_RAD**2
+    bank["square_rad2"] = (NOISE_FIRST_RAD * AMPLIFIED) ** 2
     z["thrust_scale"] = z["adaptive_gain"] = 1.0
     return z
 

@@ -6,6 +6,7 @@ The tutorials run whole and in order, in one folder that is empty at first, as a
 import os
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -83,6 +84,8 @@ def run_page(page: Path, folder: Path) -> None:
             for word in shlex.split(re.sub(r"--(write|out) \S+", "", command)):  # all but what it writes
                 if word.endswith(".toml") and not (folder / word).exists():
                     (folder / word).write_text(labs.text)
+                if word.endswith(".mcap") and not (folder / word).exists():
+                    shutil.copy(folder / "flight.mcap", folder / word)  # the reader's own flights
             ran(command, folder)
 
 

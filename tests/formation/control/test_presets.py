@@ -78,12 +78,13 @@ CONFIG = LabConfig(
 BODIES = (PAPER_40G, PX4_QUAD, ARDUCOPTER_QUAD)
 
 
-def test_position_noise_is_told_in_metres_and_heading_noise_in_radians() -> None:
-    """quiet_m and quiet_rad reach the observers each in its own place: the bandwidth's and the heading's."""
-    gains = tuple(replace(DEFAULT, quiet_m=3e-4 * k, quiet_rad=7e-3 * k) for k in (1, 2, 3))
+def test_noise_and_the_slowest_followers_loop_reach_the_observers() -> None:
+    """From camera to force: the cameras' delay, 1.5 frames of 10 ms, twice the dead time, and the lag."""
+    gains = tuple(replace(DEFAULT, quiet_m=3e-4 * k) for k in (1, 2, 3))
     observers = observer_settings(CONFIG, BODIES, gains)
     np.testing.assert_allclose(observers["quiet_m"], [3e-4, 6e-4, 9e-4])
-    np.testing.assert_allclose(observers["quiet_rad"], [7e-3, 14e-3, 21e-3])
+    loops_s = [b.response_lag_s + 2.0 * b.response_dead_time_s + 0.015 + CONFIG.mocap.delay_s for b in BODIES]
+    np.testing.assert_allclose(observers["ahead_s"], [max(loops_s[1:])] * 3)
 
 
 def test_bodies_and_limits_reach_the_law_and_the_attitude() -> None:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from formation.estimation.observers import filter_innovation, follow_disturbance, height_gain, observe_heading
+from formation.estimation.heading import observe_heading
+from formation.estimation.observers import filter_innovation, follow_disturbance, height_gain
 from formation.estimation.response import no_history, remember
 from formation.estimation.settings import ObserverGains, ObserverSettings
 from formation.estimation.state import VehicleEstimate

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from formation.estimation.observers import adaptive_gain, extrapolation_error, wrapped
+from formation.estimation.heading import wrapped
+from formation.estimation.observers import adaptive_gain, extrapolation_error
 from formation.estimation.response import rate_step
 from formation.paper.eq34_observer import fteso_step
 from tests.formation.oracles.powers import fteso_backward, fteso_rate

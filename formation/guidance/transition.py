@@ -171,7 +171,7 @@ class _Paths:
     def _possible_rises(self, i: int, wanted_m: float) -> Float:
         """Heights at which body i would stay off the floor and the ceiling, best first."""
         level = self._straight(i)[:, 2]
-        # In clearances, best first: near, but out of the other's downwash.
+        # In clearances, best first; none is out of the other's downwash, which reaches farther than rooms are high.
         rises = wanted_m * np.array((1.5, -1.5, 2.0, -2.0, 3.0, -3.0, 4.0, 5.0, 1.0, -1.0))
         paths = level + rises[:, None] * _BUMP
         low, high = min(self._space.low_m, float(level.min())), max(self._space.high_m, float(level.max()))

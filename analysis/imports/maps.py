@@ -133,12 +133,14 @@ class Clock(Model):
 
 
 class ImportMap(Model):
-    """One layout of files. known_by: columns by which it is recognised; axes: of every signal that says no other.
+    """One layout of files. kind, known_by: the format and the columns by which a shipped one is recognised.
 
-    `lab` is z up with bodies forward, left, up (ROS and most cameras); `ned` is down with forward, right, down.
+    axes: of every signal that says no other. `lab` is z up with bodies forward, left, up (ROS and most cameras); `ned`
+    is down with forward, right, down.
     """
 
     title: Annotated[str, Field(max_length=80)] = "your map"
+    kind: str = "CSV"
     known_by: Annotated[tuple[str, ...], AfterValidator(_expanded)] = ()
     clock: Clock | None = None
     axes: Literal["lab", "ned"] = "lab"
@@ -152,11 +154,11 @@ def read_map(path: Path) -> ImportMap:
     return load(path, ImportMap)
 
 
-def map_of(path: Path, columns: Collection[str]) -> ImportMap:
+def map_of(path: Path, kind: str, columns: Collection[str]) -> ImportMap:
     """The shipped map that knows these columns of a file; ConfigError that names what there is."""
     for shipped in sorted(SHIPPED.glob("*.toml")):
         found = read_map(shipped)
-        if set(found.known_by) <= set(columns):
+        if found.kind == kind and set(found.known_by) <= set(columns):
             return found
     shown = ", ".join(itertools.islice(columns, 8))
     raise ConfigError([f"{path}: no shipped map knows its columns ({shown}, ...): write one, see --map"])

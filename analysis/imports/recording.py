@@ -27,7 +27,7 @@ class BadFileError(LogError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """Rows with common stamps: t_s (T,), rising, s, on the file's clock; columns: numbers (T,) by name, NaN missing."""
+    """Rows with common stamps. t_s (T,): never falling, on the file's clock; columns: numbers (T,), NaN missing."""
 
     t_s: Float
     columns: Mapping[str, Values]
@@ -49,6 +49,12 @@ class Recording:
     texts: tuple[tuple[float, int, str], ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Its first stamp and its last."""
+        stamps = [rows.t_s for rows in self.tables.values()]
+        return min(float(t_s[0]) for t_s in stamps), max(float(t_s[-1]) for t_s in stamps)
+
     def columns(self) -> dict[str, tuple[str, str]]:
         """Every column by its whole name, `table.column`: its table, its name there."""
         return {
@@ -63,15 +69,16 @@ def parsing(path: Path) -> Iterator[None]:
     """Turn whatever another's parser raises over a file's bytes into BadFileError."""
     try:
         yield
-    except (LogError, OSError, ModuleNotFoundError):
-        raise
     except Exception as error:  # a parser of others, over anybody's bytes
+        is_ours = isinstance(error, LogError | ModuleNotFoundError)
+        if is_ours or (isinstance(error, OSError) and error.filename is not None):
+            raise
         text = plain(f"{type(error).__name__}: {error}", SHOWN)
         raise BadFileError(f"{path}: cannot be read: {text}") from error
 
 
 def table(path: Path, name: str, t_s: Float, columns: Mapping[str, Values]) -> Table | None:
-    """The rows in order, each stamp once, none without a value; None where nothing is left.
+    """The rows in order, none without a value; None where nothing is left.
 
     BadFileError, with the row, where a stamp is no number or goes back.
     """
@@ -82,8 +89,8 @@ def table(path: Path, name: str, t_s: Float, columns: Mapping[str, Values]) -> T
     if back.size:
         k = int(back[0]) + 1
         raise BadFileError(f"{where}, row {k + 1}: time goes back from {t_s[k - 1]:.6g} to {t_s[k]:.6g} s")
-    if (np.diff(t_s) <= 0.0).any():
-        order = np.unique(t_s, return_index=True)[1]
+    if (np.diff(t_s) < 0.0).any():
+        order = np.argsort(t_s, kind="stable")
         t_s, columns = t_s[order], {key: values[order] for key, values in columns.items()}
     floats = [values for values in columns.values() if values.dtype.kind == "f"]
     if floats and len(floats) == len(columns):

@@ -17,8 +17,8 @@ from wire.mavlink import axes
 
 NEAR_S = 0.1
 """Between samples farther apart nothing is interpolated."""
-MAY_REST = ("reference_position", "reference_velocity", "reference_heading")
-"""What may be the same to the last bit in a whole flight; of anything else such columns were never written."""
+COMMANDED = "commanded_"
+"""Quantities of which columns that stay the same to the last bit in the whole file were never written."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,8 +59,7 @@ class Imported:
 
 
 def imported(recording: Recording, by: ImportMap, body: str) -> Imported:
-    """The recording by a map; ConfigError where the map names columns of several tables for one quantity, or none
-    that is there for any."""
+    """The recording by a map; ConfigError where nothing that the map names is there."""
     columns, quantities, used = recording.columns(), dict[str, Sampled](), set[str]()
     for signal in by.signals:
         if signal.quantity in quantities:
@@ -79,18 +78,27 @@ def imported(recording: Recording, by: ImportMap, body: str) -> Imported:
 def _sampled(
     recording: Recording, signal: Signal, names: list[str], columns: Mapping[str, tuple[str, str]], world: str
 ) -> Sampled:
-    tables = {columns[name][0] for name in names}
-    if len(tables) > 1:
-        raise ConfigError([f"{recording.path}: {signal.quantity}: columns of {', '.join(sorted(tables))}: name one's"])
-    of, rows = QUANTITIES[signal.quantity], recording.tables[tables.pop()]
+    """The quantity at the stamps of its first column; columns of other tables are interpolated."""
+    of, first = QUANTITIES[signal.quantity], columns[names[0]][0]
+    t_s, once = np.unique(recording.tables[first].t_s, return_index=True)
     signs = np.array([-1.0 if name.startswith("-") else 1.0 for name in signal.columns])
-    raw = signs * np.stack([np.asarray(rows.columns[columns[name][1]], np.float64) for name in names], axis=1)
+    raw = signs * np.stack([_column(recording, first, *columns[name])[once] for name in names], axis=1)
     is_there = np.isfinite(raw).all(axis=1)
     if of.kind is Kind.ATTITUDE and raw.shape[1] == 4:
         is_there &= np.abs(np.linalg.norm(np.where(is_there[:, None], raw, 0.0), axis=1) - 1.0) < UNIT_WITHIN
-    if signal.quantity not in MAY_REST and len(raw) > 1 and not (raw[is_there] != raw[is_there][:1]).any():
+    if signal.quantity.startswith(COMMANDED) and len(raw) > 1 and not (raw[is_there] != raw[is_there][:1]).any():
         is_there[:] = False
-    return Sampled(rows.t_s[is_there], _ours(of, signal, raw[is_there], is_ned=world == "ned"))
+    return Sampled(t_s[is_there], _ours(of, signal, raw[is_there], is_ned=world == "ned"))
+
+
+def _column(recording: Recording, first: str, name: str, column: str) -> Float:
+    """A column of the table `name` at the stamps of the table `first`."""
+    rows = recording.tables[name]
+    values = np.asarray(rows.columns[column], np.float64)
+    if name == first:
+        return values
+    t_s, once = np.unique(rows.t_s, return_index=True)
+    return Sampled(t_s, values[once, None]).at(recording.tables[first].t_s)[:, 0]
 
 
 def _ours(of: Quantity, signal: Signal, raw: Float, is_ned: bool) -> Float:

@@ -57,13 +57,13 @@ def read(path: Path) -> Recording:
         from pyulog import ULog
     except ImportError as error:
         raise LogError(f"{path}: {WITHOUT}") from error
-    with parsing(path), _File(io.FileIO(path)) as head:
+    with parsing(path), _File(io.FileIO(path)) as head, _File(io.FileIO(path)) as file:
         with contextlib.redirect_stdout(io.StringIO()):
             _demand_formats(path, ULog(head, parse_header_only=True).message_formats)
-        file = _File(io.FileIO(path))
         with contextlib.redirect_stdout(_Printed(file)) as printed:
             log = ULog(file)
-        tables = dict(filter(None, (_table(path, data) for data in log.data_list)))
+    stamped = [data for data in log.data_list if "timestamp" in data.data]
+    tables = dict(filter(None, (_table(path, data, log.start_timestamp) for data in stamped)))
     size, damage = path.stat().st_size, ""
     if log.file_corruption:
         damage = f"{path}: damaged about byte {max(printed.at, 0)} of {size}; what can be read of it is imported"
@@ -97,12 +97,17 @@ def _demand_formats(path: Path, formats: Mapping[str, Any]) -> None:
         size(name, 0)
 
 
-def _table(path: Path, data: Any) -> tuple[str, Table] | None:
-    """One topic; stamped with the time of its sample where it says that, else of its publication."""
+def _table(path: Path, data: Any, begin_us: int) -> tuple[str, Table] | None:
+    """One topic; stamped with the time of its sample where it says that, else of its publication.
+
+    A log begins with what was published last of each topic, however long before: that is stamped with the beginning.
+    """
     columns: dict[str, Values] = dict(data.data)
     published = columns.pop("timestamp")
     sampled = columns.pop("timestamp_sample", None)
     has_samples = sampled is not None and bool(((sampled > 0) & (sampled <= published)).all())
     name = f"{data.name}#{data.multi_id}" if data.multi_id else data.name
-    found = table(path, name, np.asarray(sampled if has_samples else published, np.float64) * 1e-6, columns)
+    stamps_us = np.asarray(sampled if has_samples else published, np.float64)
+    stamps_us[:1] = np.maximum(stamps_us[:1], min([begin_us, *stamps_us[1:2]]))
+    found = table(path, name, stamps_us * 1e-6, columns)
     return None if found is None else (name, found)

@@ -37,10 +37,10 @@ class Stream:
 
 def write(files: Sequence[Imported], path: Path) -> None:
     """Write the log of vehicles whose files share a clock; its time begins with the first stamp. OSError."""
-    zero_s = min(float(rows.t_s[0]) for each in files for rows in each.recording.tables.values())
+    zero_s = min(each.recording.span_s[0] for each in files)
     streams = [stream for each in files for stream in signal_streams(each, zero_s)]
     streams += _pose_streams(files, zero_s)
-    newest_s = max(float(rows.t_s[-1]) for each in files for rows in each.recording.tables.values())
+    newest_s = max(each.recording.span_s[1] for each in files)
     unix_s = files[0].recording.unix_s
     begin_s = files[0].recording.path.stat().st_mtime - (newest_s - zero_s) if unix_s is None else unix_s + zero_s
     with LogWriter(path, _metadata(files), start=ClockPair(0, round(1e9 * begin_s)), threaded=False) as log:
@@ -84,11 +84,10 @@ def signal_streams(of: Imported, zero_s: float, clock: Callable[[Float], Float] 
         yield _blocks(topics.SIGNAL, of.body, name, ns(sampled.t_s), rows)
     for name, rows in of.others.items():
         yield _blocks(topics.COLUMN, of.body, name or of.recording.path.stem, ns(rows.t_s), rows)
-    texts = of.recording.texts
+    first_s, last_s = of.recording.span_s
+    texts = [(min(max(t_s, first_s), last_s), level, text) for t_s, level, text in of.recording.texts]
     events = [Event(Severity(min(max(level, 0), 7)), SOURCE, text, subject=of.body) for _, level, text in texts]
-    yield Stream(
-        topics.EVENT, np.maximum(ns(np.array([t_s for t_s, _, _ in texts], np.float64)), 0), events.__getitem__
-    )
+    yield Stream(topics.EVENT, ns(np.array([t_s for t_s, _, _ in texts], np.float64)), events.__getitem__)
 
 
 def _blocks(topic: Topic, body: str, table: str, t_ns: Index, rows: Table) -> Stream:

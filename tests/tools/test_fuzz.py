@@ -18,6 +18,7 @@ TAKEN = {
     "ros2": {"taken": 500, "rejected": 500},
     "bridge": {"passed": 500},
     "agent": {"answers": 500},
+    "import": {"imported": 20, "damaged": 50, "rejected": 50},
 }
 """What is not taken is not tried: of 3,000 inputs so many at least."""
 
@@ -25,7 +26,7 @@ TAKEN = {
 @pytest.mark.parametrize("name", TARGETS)
 def test_any_input_raises_nothing_and_locks_nobody_out(name: str) -> None:
     """Two bodies with one pose once ended the ground, one stamp blinded it for good."""
-    outcome = fuzz(name, 3000, seed=1)
+    outcome = fuzz(name, 3000 if TARGETS[name].share == 1.0 else 30_000, seed=1)
     assert outcome.faults == []
     assert {what: most for what, most in TAKEN.get(name, {}).items() if outcome.counts[what] < most} == {}
 

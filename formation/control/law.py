@@ -89,8 +89,8 @@ class Demand:
     e, e_rate, s, t_m, z_m: in the lead frame, Eqs. (5)-(6); acc: demanded acceleration, gravity excluded; lead_acc:
     what the lag's inversion adds to it; acc_rate, snap: of the reference and of drag on it; motion: predicted when the
     command is taken to hold; specific_force: modelled when it arrives; tilt_cos: predicted cosine of tilt when the
-    thrust does; yaw, yaw_rate: of the heading asked for; limits_met: bits of formation.messages.Saturation for what has
-    altered it since.
+    thrust does; yaw, yaw_rate, yaw_acc: of the heading asked for; limits_met: bits of formation.messages.Saturation for
+    what has altered it since.
     """
 
     e_lead_m: Vec3
@@ -107,6 +107,7 @@ class Demand:
     tilt_cos: float
     yaw_rad: float
     yaw_rate_rad_s: float
+    yaw_acc_rad_s2: float
     limits_met: float
 
 
@@ -213,10 +214,11 @@ def _vertical_demand(
     dead_s, lag_s = context.observers[n].response.thrust_dead_s, context.observers[n].response.thrust_lag_s
     hold_ns = now_ns + int(dead_s * 1e9)
     situation(i, n, context, hold_ns, int(lag_s * 1e9) // 2, w)
-    out.yaw_rad, out.yaw_rate_rad_s = w.lab[0, 3], w.lab[1, 3]
+    out.yaw_rad, out.yaw_rate_rad_s, out.yaw_acc_rad_s2 = w.lab[0, 3], w.lab[1, 3], w.lab[2, 3]
     if context.references[i].kind == SLOT:
         out.yaw_rad += w.heading[0] - w.lead[0, 3]
         out.yaw_rate_rad_s += w.heading[1] - w.lead[1, 3]
+        out.yaw_acc_rad_s2 += w.heading[2] - w.lead[2, 3]
     z, z3 = context.estimates[n], context.estimates[n].dist_lab_m_s2[2]
     if z.downwash_m_s2 < 0.0:
         flying = jets(context.estimates, context.observers)

@@ -16,7 +16,7 @@ from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
 from formation.guidance.followed_leader import FollowedLeader, shifted
 from formation.guidance.reference_generator import VehicleReference, reference_at
-from formation.maths.arrays import Float, Layout, Motion, Vec2, Vec3
+from formation.maths.arrays import Float, Layout, Motion, Vec3
 from formation.maths.kernel import kernel
 from formation.maths.records import Rows, dtype_of
 from formation.paper.eq2_relative_frame import copy_motion, lead_from_lab
@@ -49,8 +49,9 @@ class Workspace:
     leader, leader_later, leader_earlier: the leader as predicted last, when the command holds and half the window later
     and earlier, and leader_ns for when and which: vehicles of one kind ask for the same. lab, lab_change: the reference
     when the command holds, and what it changes by in the window about then; lab_bend: how much more in the later half
-    than in the earlier, 0 of what follows an observed leader, for nobody knows it. heading: the leader's and its rate,
-    as planned where that is known: its slots turn with the leader as it is seen, but nobody's own heading has to.
+    than in the earlier, 0 of what follows an observed leader, for nobody knows it. heading: the leader's, its rate
+    and acceleration, as planned where that is known, else no acceleration: its slots turn with the leader as it is
+    seen, but nobody's own heading has to.
     """
 
     leader_ns: Annotated[NDArray[np.int64], Layout(np.int64, (2,))]
@@ -67,7 +68,7 @@ class Workspace:
     lab_other: Motion
     lab_change: Motion
     lab_bend: Motion
-    heading: Vec2
+    heading: Vec3
     force: Vec3
     feedback: Vec3
     feedback_rate: Vec3
@@ -115,8 +116,7 @@ def _leader_ahead(context: LawContext, hold_ns: int, half_ns: int, w: Workspace)
         w.leader_ns[0], w.leader_ns[1] = hold_ns, half_ns
         motion_at(context, LEADER, hold_ns, w.leader, w.force)
         shifted(context.leader, hold_ns, w.leader)
-        for order in range(2):
-            w.heading[order] = w.leader[order, 3]
+        w.heading[0], w.heading[1], w.heading[2] = w.leader[0, 3], w.leader[1, 3], 0.0
         commanded_index = context.observers[LEADER].commanded_index
         if half_ns > 0 and commanded_index < 0:
             for at_ns, out in ((hold_ns + half_ns, w.leader_later), (hold_ns - half_ns, w.leader_earlier)):
@@ -132,7 +132,7 @@ def _as_referred(reference: VehicleReference, context: LawContext, hold_ns: int,
     """A commanded leader's motion later and earlier: from `leader` on as its reference goes, and all accelerations."""
     numbers, knots, now = context.numbers, context.knots, w.leader
     reference_at(reference, numbers, knots, hold_ns, now, w.slot, w.frame, w.lab)
-    for order in range(2):
+    for order in range(3):
         w.heading[order] = w.lab[order, 3]
     for at_ns, out in ((hold_ns + half_ns, w.leader_later), (hold_ns - half_ns, w.leader_earlier)):
         reference_at(reference, numbers, knots, at_ns, now, w.slot, w.frame, w.lab_other)

@@ -128,12 +128,14 @@ def _law(config: LabConfig, i: int, gains: Preset) -> LawSettings:
 
 
 def _attitude(config: LabConfig, profile: VehicleProfile) -> AttitudeSettings:
+    yaw_lag_s = 1.0 / profile.rate_yaw_p_1_s + profile.motor_lag_s
     return AttitudeSettings(
         thrust_curve=profile.thrust_curve,
         attitude_lag_s=profile.response_lag_s,
         attitude_p_1_s=profile.attitude_p_1_s,
         yaw_p_1_s=profile.yaw_p_1_s,
-        yaw_lag_s=1.0 / profile.rate_yaw_p_1_s + profile.motor_lag_s - profile.response_dead_time_s,
+        yaw_lag_s=yaw_lag_s - profile.response_dead_time_s,
+        heading_lag_s=yaw_lag_s - profile.thrust_dead_time_s,
         rate_feed_forward=profile.rate_feed_forward,
         rate_max_rad_s=profile.rate_max_rad_s,
         tilt_max_rad=config.limits.tilt_rad,

@@ -68,8 +68,9 @@ def turn_authority(profile: VehicleProfile) -> float:
 class AttitudeSettings:
     """What turns one commanded vehicle's demand into a target; a record.
 
-    attitude_lag_s: what the demand's lead inverts; yaw_lag_s: by how much its yaw rate is later than attitude's dead
-    time; rate_feed_forward: whether its autopilot adds the body rates of a target.
+    attitude_lag_s: what the demand's lead inverts; yaw_lag_s, heading_lag_s: by how much its yaw rate is later than the
+    attitude's dead time and than the thrust's, when tilts and headings are asked for; rate_feed_forward: whether its
+    autopilot adds the body rates of a target.
     """
 
     thrust_curve: float
@@ -77,6 +78,7 @@ class AttitudeSettings:
     attitude_p_1_s: float
     yaw_p_1_s: float
     yaw_lag_s: float
+    heading_lag_s: float
     rate_feed_forward: bool
     rate_max_rad_s: float
     tilt_max_rad: float
@@ -307,7 +309,7 @@ def _heading_turn(s: AttitudeSettings, wanted: Demand, thrust_scale: float, aim:
     A tilt that changes takes a turn about z_b too, or the heading wanders. Of that turn the autopilot's heading loop
     asks for a part by itself: its tilt is behind the target's by the turn over attitude_p_1_s, less what the body rates
     carry, and from one tilt to the next at the same heading the error has a twist (Brescianini et al. 2013). The yaw
-    rate comes late by yaw_lag_s: about z_b a vehicle is turned by its rotors' drag alone.
+    rate comes late, that of the heading's own turn, too: about z_b a vehicle is turned by its rotors' drag alone.
     """
     behind_s = 1.0 / s.attitude_p_1_s - (s.attitude_lag_s if s.rate_feed_forward else 0.0)
     later, rate = np.empty(3), np.empty(3)
@@ -316,7 +318,8 @@ def _heading_turn(s: AttitudeSettings, wanted: Demand, thrust_scale: float, aim:
         rate[axis] = wanted.acc_rate_lab_m_s3[axis] + TURN_STEP_S * wanted.snap_lab_m_s4[axis]
     now = _turn_of_tilt(aim, wanted.acc_rate_lab_m_s3, wanted, thrust_scale)
     growing = (_turn_of_tilt(later, rate, wanted, thrust_scale) - now) / TURN_STEP_S
-    turn: float = wanted.yaw_rate_rad_s + now + s.yaw_lag_s * growing - s.yaw_p_1_s * behind_s * now
+    heading = wanted.yaw_rate_rad_s + s.heading_lag_s * wanted.yaw_acc_rad_s2
+    turn: float = heading + now + s.yaw_lag_s * growing - s.yaw_p_1_s * behind_s * now
     return turn
 
 

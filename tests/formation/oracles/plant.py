@@ -12,7 +12,7 @@ from tests.formation.oracles.response import answered
 
 
 class Plant:
-    """A point mass that feels what it is sent after a dead time and a lag; its heading closes on the one sent."""
+    """A point mass that feels what it is sent after a dead time and a lag; its yaw rate follows the one asked for."""
 
     def __init__(self, body: Any, t_ns: int, pos: np.ndarray) -> None:
         self.body, self.pos, self.vel, self.force, self.yaw = (
@@ -22,6 +22,7 @@ class Plant:
             np.array([0.0, 0.0, G]),
             0.0,
         )
+        self.turn = 0.0
         self.sent_ns, self.sent = [t_ns - 10**9], [np.array([0.0, 0.0, G, 0.0, 0.0])]
 
     @property
@@ -51,5 +52,6 @@ class Plant:
         moved = (h * self.vel + travel - [0.0, 0.0, 0.5 * h**2 * G]) / (1.0 + 0.5 * h * drag)
         self.pos = self.pos + moved
         self.vel = self.vel + speed - [0.0, 0.0, h * G] - drag * moved
-        arrived = sent[np.nonzero(times + int(body.thrust_dead_time_s * 1e9) <= from_ns)[0][-1]]
-        self.yaw += h * (arrived[4] + body.yaw_p_1_s * np.angle(np.exp(1j * (arrived[3] - self.yaw))))
+        asked = sent[-1, 4] + body.yaw_p_1_s * np.angle(np.exp(1j * (sent[-1, 3] - self.yaw)))
+        self.turn += (1.0 - np.exp(-h / (1.0 / body.rate_yaw_p_1_s + body.motor_lag_s))) * (asked - self.turn)
+        self.yaw += h * self.turn

@@ -35,7 +35,7 @@ def downwash_m_s2(flying: Float, settings: Rows[ObserverSettings], i: int, ahead
     own, down_m_s2 = settings[i].airframe, 0.0
     for j in range(len(flying)):
         below_m = flying[j, 2] - flying[i, 2] + ahead_s * (flying[j, 5] - flying[i, 5])
-        if j != i and below_m > 0.0 and flying[j, THRUST] > 0.0:
+        if below_m > 0.0:
             x_m = flying[j, 0] - flying[i, 0] + ahead_s * (flying[j, 3] - flying[i, 3])
             y_m = flying[j, 1] - flying[i, 1] + ahead_s * (flying[j, 4] - flying[i, 4])
             upper_m, aside_m = settings[j].airframe.reach_m, hypot(x_m, y_m)

@@ -44,13 +44,11 @@ def downwash_into(x: Float, numbers: Float, down_m_s2: Float) -> None:
     """
     lift_n = x[:, 13:17].sum(axis=1)
     for i in np.argsort(-x[:, 2]):
-        reach_m, force_n = rotor_reach_m(numbers[i, WHEELBASE]), 0.0
+        reach_m, rotor_m, force_n = rotor_reach_m(numbers[i, WHEELBASE]), numbers[i, ROTOR_RADIUS], 0.0
         for j in range(len(x)):
-            if x[j, 2] > x[i, 2]:
-                aside_m = hypot(x[j, 0] - x[i, 0], x[j, 1] - x[i, 1])
-                upper_m = rotor_reach_m(numbers[j, WHEELBASE])
-                rotor_m = numbers[i, ROTOR_RADIUS]
-                force_n += jet_force_n(aside_m, x[j, 2] - x[i, 2], lift_n[j], upper_m, reach_m, rotor_m)
+            aside_m = hypot(x[j, 0] - x[i, 0], x[j, 1] - x[i, 1])
+            upper_m = rotor_reach_m(numbers[j, WHEELBASE])
+            force_n += jet_force_n(aside_m, x[j, 2] - x[i, 2], lift_n[j], upper_m, reach_m, rotor_m)
         lift_n[i] = max(lift_n[i] - force_n, 0.0)
         down_m_s2[i] = force_n / numbers[i, MASS]
 

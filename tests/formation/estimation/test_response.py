@@ -13,6 +13,7 @@ from formation.estimation.response import (
     SentCommands,
     answer,
     learn_shift,
+    learn_thrust_scale,
     no_history,
     observe_tilt,
     remember,
@@ -85,6 +86,14 @@ def _hovering() -> VehicleEstimate:
     z = blank(VehicleEstimate, 1)[0]
     z.thrust_m_s2, z.thrust_scale = GRAVITY_M_S2, 1.0
     return z
+
+
+def test_downwash_is_not_learned_into_the_thrust() -> None:
+    z, settings = _hovering(), _believed()
+    z.specific_force_lab_m_s2[2], z.dist_lab_m_s2[2], z.downwash_m_s2 = GRAVITY_M_S2, -2.0, -2.0
+    settings.thrust_scale_lag_s = 2.0
+    learn_thrust_scale(z, DT_S, settings)
+    assert (z.thrust_scale, z.dist_lab_m_s2[2]) == (1.0, -2.0)
 
 
 def _believed() -> ObserverSettings:

@@ -16,11 +16,14 @@ def force_n(aside_m: float, below_m: float, thrust_n: float = THRUST_N, scale: f
     return jet_force_n(aside_m, below_m, thrust_n, scale * REACH_M, scale * REACH_M, scale * ROTOR_M)
 
 
-def pushed(profile: VehicleProfile, *places_m: tuple[float, float, float]) -> list[float]:
-    """Acceleration down of hovering vehicles at these places."""
-    down = np.empty(len(places_m))
-    states = [at_rest(np.array(p), np.array([1.0, 0.0, 0.0, 0.0]), profile.weight_n / 4.0).x for p in places_m]
-    downwash_into(np.array(states), np.array([profile.numbers] * len(places_m)), down)
+def pushed(
+    profile: VehicleProfile, *pos_m: tuple[float, float, float], low: VehicleProfile | None = None
+) -> list[float]:
+    """Acceleration down of hovering vehicles at these positions; low: the last of them."""
+    down, profiles = np.empty(len(pos_m)), [*[profile] * (len(pos_m) - 1), low or profile]
+    level = np.array([1.0, 0.0, 0.0, 0.0])
+    states = [at_rest(np.array(m), level, of.weight_n / 4.0).x for m, of in zip(pos_m, profiles, strict=True)]
+    downwash_into(np.array(states), np.array([of.numbers for of in profiles]), down)
     return down.tolist()
 
 
@@ -30,11 +33,12 @@ def test_the_force_on_a_crazyflie_is_as_measured() -> None:
 
 
 def test_the_force_by_hand() -> None:
-    """0.05 m aside and 0.35 m below: variances of first width, spread and reach; four discs of 22.5 mm in the jet."""
-    var_m2 = 1.22**2 * 0.092**2 / 8.0 + 0.5 * (0.081 * 0.35) ** 2 + 0.092**2 / 8.0
-    discs = 4.0 * np.pi * 0.0225**2 / (2.0 * np.pi * var_m2)
+    """0.05 m aside and 0.35 m below: variances of first width, spread and reach; four discs of 20 mm in the jet."""
+    var_m2 = 1.22**2 * 0.03**2 + 0.5 * (0.081 * 0.35) ** 2 + 0.04**2
+    discs = 4.0 * np.pi * 0.02**2 / (2.0 * np.pi * var_m2)
     profile = (exp(-0.5 * 0.05**2 / var_m2) - exp(-4.5)) / (1.0 - exp(-4.5))
-    assert force_n(0.05, 0.35) == pytest.approx(0.96 * 0.034 * 9.81 * (1.0 - exp(-discs)) * profile)
+    by_hand_n = 0.96 * 0.3 * (1.0 - exp(-discs)) * profile
+    assert jet_force_n(0.05, 0.35, 0.3, 0.03, 0.04, 0.02) == pytest.approx(by_hand_n)
 
 
 def test_the_jet_ends_at_its_edge_and_begins_at_the_vehicle() -> None:
@@ -57,6 +61,9 @@ def test_only_the_lower_one_is_pushed_whichever_side_it_is_on() -> None:
     assert upper == 0.0 < down
     turned = pushed(CRAZYFLIE_27G, (-0.05, 0.0, 0.6), (0.0, 0.0, 1.0))
     assert turned == pytest.approx([down, 0.0])
+    low, high = CRAZYFLIE_27G, PX4_QUAD
+    force_n = jet_force_n(0.05, 0.4, high.weight_n, high.reach_m, low.reach_m, low.rotor_radius_m)
+    assert pushed(high, (0.0, 0.0, 1.0), (0.03, 0.04, 0.6), low=low) == pytest.approx([0.0, force_n / low.mass_kg])
 
 
 def test_the_jets_of_two_add_up_less_what_the_middle_one_lost() -> None:

@@ -1,4 +1,5 @@
-"""`gcs-log report | list | check | import | audit | picture | compare | layout | export | identify`: what a log says.
+"""`gcs-log report | list | check | audit | picture | compare | layout | export | identify`: what a log says; `import`
+and `join`, which make logs of others.
 
 Exit codes: 0 well; 1 the flight neither landed nor ended in the air as asked (`report`), or the log is damaged
 (`check`); 2 no log, or an argument that cannot be used.
@@ -159,8 +160,7 @@ def import_logs(
     from analysis.imports import cli as importing
 
     with refusing():
-        if out.exists():
-            raise ConfigError([f"{out}: it is there already, and import writes over nothing: name another"])
+        _demand_new(out)
         with progress_line("gcs-log") as show:
             result = importing.import_files(files, out, by, show)
     typer.echo(json.dumps(asdict(result)) if as_json else result.text)
@@ -168,6 +168,48 @@ def import_logs(
         typer.echo(f"gcs-log: {damage}", err=True)
     if result.damage:
         raise typer.Exit(REJECTED)
+
+
+@app.command()
+def join(
+    log: LogPath,
+    files: Annotated[
+        list[Path], typer.Argument(metavar="AUTOPILOT_LOG...", help="As import reads.", show_default=False)
+    ],
+    out: Annotated[Path, typer.Option("--out", metavar="JOINED.MCAP", help="The log to write; it may not be there.")],
+    drone: Annotated[
+        int | None, typer.Option("--sysid", help="Whose it is, where the autopilot's log does not say.")
+    ] = None,
+    by: Annotated[Path | None, typer.Option("--map", metavar="MAP.TOML", help="As of import.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Put autopilots' own logs on a flight's time axis, by TIMESYNC where it ran, else by the motion: the gyros' turns
+    against the cameras'. Refused where the motion does not show it. Exit code 1 for a log that is damaged."""
+    from dataclasses import asdict
+
+    from analysis.imports import join as joining
+    from analysis.imports.maps import read_map
+
+    with refusing():
+        _demand_new(out)
+        with progress_line("gcs-log") as show:
+            show(f"joining {', '.join(map(str, files))}")
+            joined = joining.join(log, files, out, drone, None if by is None else read_map(by))
+    if as_json:
+        typer.echo(json.dumps({"file": str(out), "joined": [asdict(each) for each in joined]}))
+    else:
+        typer.echo("\n".join((*(each.text for each in joined), str(out))))
+    for each in joined:
+        if each.damage:
+            typer.echo(f"gcs-log: {each.damage}", err=True)
+    if any(each.damage for each in joined):
+        raise typer.Exit(REJECTED)
+
+
+def _demand_new(out: Path) -> None:
+    """ConfigError where a log is there: what was imported is never written over."""
+    if out.exists():
+        raise ConfigError([f"{out}: it is there already, and nothing is written over it: name another"])
 
 
 @app.command()

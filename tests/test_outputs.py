@@ -42,6 +42,7 @@ INPUTS = {
 ELSEWHERE = {
     "gcs-log list": "--sqlite: the newest catalogue is one table of a database that stays",
     "gcs-log import": "a log that is there is refused: tests/analysis/imports/test_import.py",
+    "gcs-log join": "as by import",
     "gcs keys install": "keys that are there are refused: tests/gcs/security/test_keys.py",
     "gcs logs": "a drone's logs have numbers of their own: gcs.doctor.mavsdk_drone.fetch_log",
 }

@@ -55,7 +55,8 @@ def import_files(files: Sequence[Path], out: Path, by: Path | None, show: Callab
             body = chosen.body if chosen.body and len(files) == 1 else _body(path, number, names)
             found.append(imported(recording, chosen, body))
     show(f"writing {out}")
-    write(found, out)
+    with np.errstate(all="ignore"):
+        write(found, out)
     vehicles = tuple(
         ImportedFile(
             str(each.recording.path), each.recording.kind, each.title, each.body, tuple(each.quantities),

@@ -29,6 +29,15 @@ INFO = 6
 """MAVLink's severity of a text that has none."""
 
 
+class _Formats(dict[int, Any]):
+    """Formats by their number, none so short that the reader would stay where it is for ever."""
+
+    def __setitem__(self, number: int, fmt: Any) -> None:
+        if fmt.len < HEAD:
+            raise ValueError(f"messages of {fmt.len} bytes")
+        super().__setitem__(number, fmt)
+
+
 class _First(io.StringIO):
     """The first line that the reader prints, of a fault; it prints one for each byte that it passes over."""
 
@@ -41,7 +50,11 @@ def read(path: Path) -> Recording:
     from pymavlink.DFReader import DFReader_binary
 
     class Reader(DFReader_binary):  # type: ignore[misc] # the indexer in C prints past Python's streams
-        init_arrays_fast = DFReader_binary.init_arrays
+        formats: dict[int, Any]
+
+        def init_arrays_fast(self, progress_callback: None = None) -> None:
+            self.formats = _Formats(self.formats)
+            self.init_arrays(progress_callback)
 
         def __init__(self, filename: str) -> None:
             try:
@@ -83,7 +96,7 @@ def _tables(path: Path, fmt: Any, data: Values, offsets: Values) -> Iterator[tup
         fmt.name in ITSELF
         or STAMP not in fmt.columns
         or not len(offsets)
-        or not all(codes)
+        or not all((*codes, *fmt.columns))
         or len(codes) != len(fmt.columns)
     ):
         return

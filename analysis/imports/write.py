@@ -44,17 +44,18 @@ def write(files: Sequence[Imported], path: Path) -> None:
     unix_s = files[0].recording.unix_s
     begin_s = files[0].recording.path.stat().st_mtime - (newest_s - zero_s) if unix_s is None else unix_s + zero_s
     with LogWriter(path, _metadata(files), start=ClockPair(0, round(1e9 * begin_s)), threaded=False) as log:
-        write_in_order(log, streams)
+        for topic, message, now_ns in in_order(streams):
+            log.write(topic, message, now_ns)
 
 
-def write_in_order(log: LogWriter, streams: Sequence[Stream]) -> None:
-    """Write the messages of all streams by their times."""
+def in_order(streams: Sequence[Stream]) -> Iterator[tuple[Topic, object, int]]:
+    """(topic, message, t_ns) of all streams by their times."""
     t_ns = np.concatenate([stream.t_ns for stream in streams])
     which = np.repeat(np.arange(len(streams)), [len(stream.t_ns) for stream in streams])
     index = np.concatenate([np.arange(len(stream.t_ns)) for stream in streams])
     order = np.argsort(t_ns, kind="stable")
     for now_ns, stream, k in zip(t_ns[order].tolist(), which[order].tolist(), index[order].tolist(), strict=True):
-        log.write(streams[stream].topic, streams[stream].make(k), now_ns)
+        yield streams[stream].topic, streams[stream].make(k), now_ns
 
 
 def _metadata(files: Sequence[Imported]) -> dict[str, str]:

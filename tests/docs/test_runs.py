@@ -23,7 +23,7 @@ from tests.docs.manual_pages import BASE_LAB, MANUAL, ROOT, Block, Labs, blocks,
 RUN = ("gcs check", "gcs rules", "gcs-sim list", "gcs-sim check", "gcs-sim run", "gcs-log", "drone-agent --stages")
 """What is run: what needs neither drone, cameras, recording, browser nor another process, and ends by itself."""
 
-RECORDINGS = ("--leader-csv", "gcs-log import")
+RECORDINGS = ("--leader-csv", "gcs-log import", "gcs-log join")
 """What needs a recording of others, which the tests of the command make."""
 RERUN = find_spec("rerun") is not None
 """Whether the extra `live` is installed, without which there is no blueprint for Rerun."""

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from formation.maths import frames
 from formation.maths.arrays import Float
+from wire.columns import Index
 
 RATE_HZ = 100.0
 """Rows a second of every column."""
@@ -95,7 +96,7 @@ def px4_tables(duration_s: float = 8.0) -> dict[str, Columns]:
     }
 
 
-def ulog(tables: Mapping[str, Columns], begin_us: int = 5_000_000) -> bytes:
+def ulog(tables: Mapping[str, Columns], begin_us: int = 5_000_000, stamps_us: Index | None = None) -> bytes:
     """A ULog of these topics: its header and flags, formats of floats, subscriptions, rows by their stamps, a text.
 
     https://docs.px4.io/main/en/dev_log/ulog_file_format.html
@@ -113,7 +114,11 @@ def ulog(tables: Mapping[str, Columns], begin_us: int = 5_000_000) -> bytes:
         text = "".join(f"float[{count}] {name};" if count else f"float {name};" for name, count in counts.items())
         out += message(b"F", f"{topic}:uint64_t timestamp;{text}".encode())
         data = np.stack(list(columns.values()), axis=1).astype("<f4")
-        t_us = begin_us + np.rint(1e6 * times(len(data) / RATE_HZ)).astype(np.int64)
+        t_us = (
+            begin_us + np.rint(1e6 / RATE_HZ * np.arange(len(data))).astype(np.int64)
+            if stamps_us is None
+            else stamps_us
+        )
         rows += [
             (t, message(b"D", struct.pack("<HQ", number, t) + row.tobytes()))
             for t, row in zip(t_us.tolist(), data, strict=True)

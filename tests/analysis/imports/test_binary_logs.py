@@ -121,6 +121,8 @@ def changed(data: bytes, old: bytes, new: bytes) -> bytes:
         ("ULog", b"cpuload:uint64_t timestamp;float load;", b"cpuload:uint64_t timestamp;cpuload lo;", "holds itself"),
         ("ULog", b"ULog\x01\x12\x35", b"ULog\x01\x12\x36", "is none of ULog"),
         ("DataFlash", b"TimeUS,ThO", b"TimeUS,\xff\xff\xff", ""),
+        ("DataFlash", b"\x8e\x0fCTUN", b"\x8e\x00CTUN", "messages of 0 bytes"),
+        ("DataFlash", b"TimeUS,Inst", b",TimeUSInst", ""),
         ("Crazyflie", b"\xbc\x02\x00", b"\xbc\x09\x00", "version 9 of a Crazyflie's log"),
         ("Crazyflie", b"stateEstimate.x(f)", b"stateEstimate.x(?)", "its header is damaged"),
         ("Crazyflie", b"\xbc\x02\x00\x02\x00", b"\xbc\x02\x00\xff\xff", "its header is damaged"),

@@ -82,7 +82,7 @@ def by_exchanges(asked_s: Float, theirs_s: Float, answered_s: Float) -> Alignmen
 
 
 def by_motion(t_s: Float, q: Float, gyro: Sampled) -> Alignment:
-    """By the turns that both saw: the cameras' q (T, 4) at t_s (T,), and the gyros. LogError where these do not show it."""
+    """By the turns that both saw: the cameras' q (T, 4) at t_s (T,), and the gyros. LogError."""
     turned = _integrated(gyro)
     if len(t_s) < 3 or t_s[-1] - t_s[0] < LEAST_S or gyro.t_s[-1] - gyro.t_s[0] < LEAST_S:
         raise LogError(f"the motion says nothing of its clock: less than {LEAST_S:g} s of poses or of gyros")

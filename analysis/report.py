@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis import words
+from analysis.chain import stages
 from analysis.links import backlogs
 from analysis.load import Flight, load_checked
 from analysis.metrics import Latency, Summary, rms, summarise, vibration_of
@@ -115,6 +116,7 @@ def html(flight: Flight, summary: Summary, damage: str = "") -> str:
         followers=_follower_table(flight, tracking),
         leader=_leader_table(track_leader(flight)),
         backlog=_backlog_table(flight),
+        chain=_chain_table(flight),
         setup=setup(flight),
         metrics=table(("`key", "#value", "meaning"), [(key, _value(key, summary), of) for key, of in MEANINGS.items()]),
         versions=flight.run.versions,
@@ -210,6 +212,18 @@ def _backlog_table(flight: Flight) -> Table | None:
             ages = (*np.percentile(link.behind_ms, (50.0, 99.0)), link.behind_ms.max())
             rows.append(Row((body, *(f"{age:.3g}" for age in ages), f"{link.superseded}"), colours[i]))
     return table(("telemetry of", "#age when read, median, ms", "#99 %, ms", "#worst, ms", "#packets superseded"), rows)
+
+
+def _chain_table(flight: Flight) -> Table | None:
+    """One row a stage from the ground's target to the motors, by the drones' joined logs; the longest marked."""
+    found = stages(flight)
+    longest = max((stage.delay_s for stage in found), default=0.0)
+    rows = [
+        Row((stage.body, stage.name, f"{1e3 * stage.delay_s:.1f}", f"{stage.alike:.2f}"),
+            alarming=stage.delay_s == longest)
+        for stage in found
+    ]  # fmt: skip
+    return table(("drone", "stage", "#delay, ms", "#correlation"), rows)
 
 
 def _leader_table(leader: LeaderTracking) -> Table | None:

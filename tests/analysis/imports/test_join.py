@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import gcs_log
+from analysis.chain import stages
+from analysis.identify.signals import sent
 from analysis.imports.align import by_exchanges, by_motion
 from analysis.imports.signals import Sampled
 from analysis.load import load
@@ -104,6 +106,8 @@ def test_refused_where_the_motion_cannot_tell(
 
 
 SYSID = 2
+RECEIVED_S = 0.03
+"""Later than sent: by the log of the autopilot."""
 CIRCLE = """
 name = "joined"
 formation_s = 8.0
@@ -134,6 +138,12 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "vehicle_angular_velocity": {f"xyz[{k}]": part for k, part in enumerate(rates.T)},
         "vehicle_attitude": {f"q[{k}]": part for k, part in enumerate(q.T)},
     }
+    targets = sent(load(path))[SYSID]
+    own_s = 1e-9 * (rows.fields["t_ns"].values[mine] - lockstep.T0_NS)
+    last = np.maximum(np.searchsorted(targets.t_s, own_s - RECEIVED_S, side="right") - 1, 0)
+    tables["vehicle_attitude_setpoint"] = {
+        f"q_d[{k}]": part for k, part in enumerate((targets.q_lab_from_flu[last] * [1.0, *turn]).T)
+    }
     t_us = (rows.fields["t_ns"].values[mine] - lockstep.T0_NS) // 1000  # the drone boots then, and its clock begins
     (path.parent / "log.ulg").write_bytes(ulog(tables, stamps_us=t_us))
     return path
@@ -159,6 +169,13 @@ def test_joined_log_is_the_flight_with_the_autopilots_signals_in_it(flown: Path)
     for axis, part in zip("xyz", rates.values.T, strict=True):
         there = np.interp(true_s, rates.t_s, part)
         assert np.abs(there - truth[f"rate_flu_rad_s_{axis}"][mine])[inside].max() < 0.02
+    found = {stage.name: stage for stage in stages(flight)}
+    assert found["sent → received"].delay_s == pytest.approx(RECEIVED_S, abs=0.002)
+    assert found["sent → received"].alike > 0.99
+    assert 0.0 < found["received → flown"].delay_s < 0.15
+    report = run("report", out)
+    assert report.exit_code == 0
+    assert "sent → received" in out.with_name("report.html").read_text()
     assert "gyros: join by the motion" in json.loads(run("check", out, "--json").stdout)["usable"]
     assert len(gcs_log.load(out)["import/signal/rates"]["t_s"]) == len(rates.t_s)
 

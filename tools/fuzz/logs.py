@@ -5,9 +5,12 @@ from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from rosbags.rosbag2 import CompressionMode
+
 from analysis.imports.cli import import_files
 from analysis.imports.recording import BadFileError
-from tests.analysis.imports.stranger import FORMATS
+from tests.analysis.imports.stranger import FORMATS, neural_fly
+from tests.mocap.test_rosbag import POSE, written
 from tools.fuzz.draw import Draw
 from tools.fuzz.flight import ignore
 from wire.errors import ConfigError
@@ -25,6 +28,10 @@ class Imports:
     def __init__(self, draw: Draw, counts: Counter[str]) -> None:
         self._draw, self._counts, self._before_kb = draw, counts, peak_kb()
         self._sound = [(f"a.{ending}", make(DURATION_S)) for ending, make in FORMATS.values()]
+        with TemporaryDirectory() as folder:
+            bag = written(Path(folder) / "bag", {"/bird/pose": (POSE, 0.0)}, CompressionMode.STORAGE)
+            self._sound.append(("a.mcap", next(bag.glob("*.mcap")).read_bytes()))
+            self._sound.append(("a.csv", neural_fly(Path(folder), DURATION_S).read_bytes()))
 
     def feed(self) -> None:
         name, sound = self._draw.choice(self._sound)

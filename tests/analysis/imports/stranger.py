@@ -1,6 +1,7 @@
 """Flights of strangers, made here: a drone that circles, its recorders' columns, in the units and axes of each."""
 
 import csv
+import json
 import struct
 import zlib
 from collections.abc import Callable, Mapping, Sequence
@@ -74,6 +75,19 @@ def own_csv(path: Path) -> Path:
         {"time": [f"{1e3 * (BEGIN_S + t):.3f}" for t in t_s], "pos_n": texts[0], "pos_e": texts[1], "pos_d": texts[2],
          "roll": roll, "pitch": pitch, "yaw": yaw, **{f"cmd_q{a}": c for a, c in zip("wxyz", cmd.T, strict=True)},
          "cmd_u": np.full(len(t_s), 480.0) + 20.0 * np.sin(t_s), "esc_temp": 40.0 + t_s, "mode": ["auto"] * len(t_s)},
+    )  # fmt: skip
+
+
+def neural_fly(folder: Path, duration_s: float = 8.0) -> Path:
+    """Its columns of lists."""
+    t_s = times(duration_s)
+    q, lists = attitude(t_s)[:, [1, 2, 3, 0]], lambda rows: [json.dumps(row) for row in rows.tolist()]
+    return write_csv(
+        folder / "fly.csv",
+        {"": range(len(t_s)), "t": t_s, "p": lists(position(t_s)), "p_d": lists(position(t_s) + 0.03), "q": lists(q),
+         "T_sp": lists(0.5 + 0.01 * np.sin(t_s)[:, None]), "q_sp": lists(q), "fa": lists(position(t_s)),
+         "hover_throttle": lists(np.full((len(t_s), 1), 0.5)),
+         "pwm": lists(1500.0 + np.sin(t_s)[:, None] * np.ones(4))},
     )  # fmt: skip
 
 

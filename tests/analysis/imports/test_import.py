@@ -13,7 +13,17 @@ import gcs_log
 from analysis.cli import app
 from analysis.load import load
 from formation.maths import frames
-from tests.analysis.imports.stranger import BEGIN_S, LAG_S, OWN_MAP, attitude, own_csv, position, times, write_csv
+from tests.analysis.imports.stranger import (
+    BEGIN_S,
+    LAG_S,
+    OWN_MAP,
+    attitude,
+    neural_fly,
+    own_csv,
+    position,
+    times,
+    write_csv,
+)
 
 
 def run(*words: str | Path) -> Result:
@@ -100,18 +110,6 @@ def nanobench(folder: Path) -> Path:
     zero = np.zeros(len(t_s))
     columns |= {f"pid_controller_{a}": zero for a in ("roll", "pitch", "yaw", "cmd_thrust")}
     return write_csv(folder / "B2_circle.csv", columns | {"att_stateEstimate_qw": q[:, 0]})
-
-
-def neural_fly(folder: Path) -> Path:
-    t_s = times()
-    q, lists = attitude(t_s)[:, [1, 2, 3, 0]], lambda rows: [json.dumps(row) for row in rows.tolist()]
-    return write_csv(
-        folder / "fly.csv",
-        {"": range(len(t_s)), "t": t_s, "p": lists(position(t_s)), "p_d": lists(position(t_s) + 0.03), "q": lists(q),
-         "T_sp": lists(0.5 + 0.01 * np.sin(t_s)[:, None]), "q_sp": lists(q), "fa": lists(position(t_s)),
-         "hover_throttle": lists(np.full((len(t_s), 1), 0.5)),
-         "pwm": lists(1500.0 + np.sin(t_s)[:, None] * np.ones(4))},
-    )  # fmt: skip
 
 
 def neural_swarm(folder: Path) -> Path:

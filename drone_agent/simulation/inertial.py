@@ -29,7 +29,7 @@ class InertialError(Model):
     The white noise is an ICM-42688-P's (70 ug and 2.8 mdeg/s per root of Hz). A vibration is far
     faster than samples come: the mean over one is the difference of a bounded function between its ends, so that what
     one sample shows too much the next shows too little. PX4's SIH instead gives an armed vehicle white noise, in each
-    sample of 2.5 ms up to 1.7 m/s^2 and 0.14 rad/s: over three axes and two samples 0.92 and 0.065 (scenario px4_eight).
+    sample of 2.5 ms up to 1.7 m/s^2 and 0.14 rad/s: 0.92 and 0.065 over axes and two samples (scenario px4_eight).
     """
 
     noise_m_s2: NotNegative = 0.007

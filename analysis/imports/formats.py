@@ -27,14 +27,12 @@ def read(path: Path, by: ImportMap | None) -> tuple[Recording, ImportMap]:
     reader = next((reader for magic, reader in READERS.items() if head.startswith(magic)), None)
     if reader is None and b"\0" in head:
         raise BadFileError(f"{path}: is none of ULog, DataFlash, a Crazyflie's log, rosbag2 or CSV by its first bytes")
-    if reader is None:
-        recording, by = _csv(path, by)
-        demand_one_time(recording)
-        return recording, by
-    recording = reader(path)
+    recording, known = _csv(path, by) if reader is None else (reader(path), by)
     demand_one_time(recording)
+    if known is not None:
+        return recording, known
     try:
-        return recording, by or map_of(path, recording.kind, recording.columns())
+        return recording, map_of(path, recording.kind, recording.columns())
     except ConfigError as error:
         if recording.damage:  # which is why
             raise BadFileError(recording.damage) from error

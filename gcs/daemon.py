@@ -196,7 +196,7 @@ class Ground:
             self._report_host(now_ns)
             bus.publish_state(name, self._state_text(now_ns))
             for event in bus.rejections.due(now_ns):
-                self.report_beside(event)
+                self._report_beside_at(event, now_ns)
             await self._clock.sleep_until_ns(now_ns + STATE_NS - round(0.5e9 * self._spacing_s))
             self._ticked.clear()
             await self._ticked.wait()
@@ -244,7 +244,10 @@ class Ground:
 
     def report_beside(self, event: Event) -> None:
         """Report and record what the process refuses, or fails in, beside the core."""
-        self.log.write(topics.REJECTED, event, self._clock.monotonic_ns())
+        self._report_beside_at(event, self._clock.monotonic_ns())
+
+    def _report_beside_at(self, event: Event, now_ns: int) -> None:
+        self.log.write(topics.REJECTED, event, now_ns)
         self.report(event)
 
     def report(self, event: Event) -> None:

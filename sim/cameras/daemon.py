@@ -63,6 +63,7 @@ async def serve(scenario: Scenario, seed: int, gcs_name: str, clock: Clock) -> N
             text = f"publishing {bodies} at {scenario.mocap.rate_hz:g} Hz on {where}"
             print_event(Event(Severity.INFO, "mocap emulator", text))
             serving = True
+            emulator.skip_to(clock.monotonic_ns())
             while True:
                 await asyncio.sleep(0.0)  # also where the time has passed: the server's clients are to be heard
                 await clock.sleep_until_ns(min(emulator.next_photo_ns, emulator.next_frame_ns))

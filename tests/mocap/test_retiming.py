@@ -97,6 +97,18 @@ def test_true_stamps_are_left_as_they_are() -> None:
     assert exposures_ns(steady_ns) is steady_ns
 
 
+@pytest.mark.parametrize("is_stamped", [True, False])
+@pytest.mark.parametrize("waited", [60, 100, 120, 180])
+def test_frames_that_waited_for_a_process_to_begin_are_no_rhythm(waited: int, is_stamped: bool) -> None:
+    """Their spacings are those of a loop that hands them on: for good, every frame would be exposed at its beginning."""
+    for seed in range(20):
+        handed_on_ns = np.random.default_rng(seed).lognormal(7.3, 0.8, waited)
+        stamps_ns = np.cumsum(np.append(handed_on_ns, np.full(600, 20_000_000))).astype(np.int64).tolist()
+        retiming = Retiming(is_numbered=False)
+        captured_ns = [retiming.capture_ns(k, stamp_ns, is_stamped) for k, stamp_ns in enumerate(stamps_ns)]
+        assert captured_ns[-100:] == pytest.approx(stamps_ns[-100:], rel=0.0, abs=1_000_000)
+
+
 @pytest.mark.parametrize("step_s", [0.1, -3.0])
 def test_a_clock_that_is_set_is_followed_within_five_seconds(step_s: float) -> None:
     stream = Stream(step_s=step_s, stalls_s=(0.05, 0.1), length_s=40.0)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reading import LONGEST_WORDS, imported_sysids, read, scenario_of, signal_rows, stamps_ns
-from analysis.series import Columns, Index, Series
+from analysis.series import Columns, Index, Sampled, Series
 from formation import topics
 from formation.config import LabConfig
 from formation.maths.arrays import Bool, Float
@@ -130,14 +130,6 @@ class Traffic:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Signal:
-    """What another recorder wrote of one quantity of `analysis.imports.maps`: t_s (T,), values (T, w)."""
-
-    t_s: Float
-    values: Float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Flight:
     """One log, read: everything analysis needs, times in seconds since the log's first record.
 
@@ -162,7 +154,7 @@ class Flight:
     down: Traffic
     truth: Mapping[int, Columns]
     phases: tuple[PhaseSpan, ...]
-    signals: Mapping[tuple[str, str], Signal]
+    signals: Mapping[tuple[str, str], Sampled]
     """By body and quantity: of logs that were imported or joined."""
     closed: bool = True
 
@@ -242,7 +234,7 @@ def _flight(metadata: Mapping[str, str], begin_ns: int, found: Mapping[Topic, To
         truth=_truth(columns(topics.TRUTH)),
         phases=_spans(rare(topics.PHASE, PhaseChange), duration_s),
         signals={
-            name: Signal(_seconds(rows.t_ns - begin_ns), rows.values)
+            name: Sampled(_seconds(rows.t_ns - begin_ns), rows.values)
             for name, rows in signal_rows(found.get(topics.SIGNAL, NOTHING)).items()
         },
     )

@@ -7,12 +7,15 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from formation.maths import frames
 from formation.maths.arrays import Bool, Float
 from wire.columns import Column
 
 M = TypeVar("M")
 Index = NDArray[np.int64]
 MIN_PARABOLA = 5
+NEAR_S = 0.1
+"""Between samples farther apart nothing is interpolated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,6 +30,32 @@ class Series(Generic[M]):
 
     def __len__(self) -> int:
         return len(self.messages)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sampled:
+    """What another recorder wrote of one quantity of `analysis.imports.maps`: t_s (T,), values (T, w) without a NaN."""
+
+    t_s: Float
+    values: Float
+
+    def at(self, at_s: Float, attitude: bool = False) -> Float:
+        """(K, w): interpolated; NaN where the neighbours are farther apart than NEAR_S, or there are not two."""
+        after = np.clip(np.searchsorted(self.t_s, at_s), 1, len(self.t_s) - 1) if len(self.t_s) > 1 else None
+        if after is None:
+            return np.full((len(at_s), self.values.shape[1]), np.nan)
+        near = (self.t_s[after] - self.t_s[after - 1] <= NEAR_S) & (at_s >= self.t_s[0]) & (at_s <= self.t_s[-1])
+        if attitude:
+            found = frames.interpolated(self.t_s, self.values, at_s)
+        else:
+            found = np.stack([np.interp(at_s, self.t_s, column) for column in self.values.T], axis=1)
+        return np.where(near[:, None], found, np.nan)
+
+    def held(self, at_s: Float, within_s: float = NEAR_S) -> Float:
+        """(K, w): each value until the next, for as long as within_s; NaN else."""
+        at = np.searchsorted(self.t_s, at_s, side="right") - 1
+        found = self.values[np.maximum(at, 0)]
+        return np.where(((at >= 0) & (at_s - self.t_s[at] <= within_s))[:, None], found, np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import correlate
 
 from analysis.identify.signals import BLOCK_S, Estimate, about, covariance
-from analysis.imports.signals import NEAR_S, Sampled
+from analysis.series import NEAR_S, Sampled
 from formation.maths import frames
 from formation.maths.arrays import Bool, Float
 from wire.logs.mcap_scan import LogError

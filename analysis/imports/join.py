@@ -11,10 +11,11 @@ from analysis.imports.align import Alignment, by_exchanges, by_motion
 from analysis.imports.formats import read
 from analysis.imports.maps import ImportMap
 from analysis.imports.recording import Recording, Table
-from analysis.imports.signals import Imported, Sampled, imported
+from analysis.imports.signals import Imported, imported
 from analysis.imports.write import Stream, in_order, signal_streams
 from analysis.links import from_drones, from_ground
 from analysis.load import Flight, Vehicle, load
+from analysis.series import Sampled
 from formation.maths.arrays import Float
 from wire.link_messages import MessageId, TimeSync
 from wire.logs.mcap_read import clock_of, read_log

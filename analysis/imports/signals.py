@@ -9,42 +9,15 @@ import numpy as np
 
 from analysis.imports.maps import PULSE_NONE, QUANTITIES, ImportMap, Kind, Quantity, Signal
 from analysis.imports.recording import Recording, Table
+from analysis.series import Sampled
 from formation.maths import frames
 from formation.maths.arrays import Float
 from formation.model import UNIT_WITHIN
 from wire.errors import ConfigError
 from wire.mavlink import axes
 
-NEAR_S = 0.1
-"""Between samples farther apart nothing is interpolated."""
 COMMANDED = "commanded_"
 """Quantities of which columns that stay the same to the last bit in the whole file were never written."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sampled:
-    """One quantity on the file's clock: t_s (T,), values (T, w) without a NaN."""
-
-    t_s: Float
-    values: Float
-
-    def at(self, at_s: Float, attitude: bool = False) -> Float:
-        """(K, w): interpolated; NaN where the neighbours are farther apart than NEAR_S, or there are not two."""
-        after = np.clip(np.searchsorted(self.t_s, at_s), 1, len(self.t_s) - 1) if len(self.t_s) > 1 else None
-        if after is None:
-            return np.full((len(at_s), self.values.shape[1]), np.nan)
-        near = (self.t_s[after] - self.t_s[after - 1] <= NEAR_S) & (at_s >= self.t_s[0]) & (at_s <= self.t_s[-1])
-        if attitude:
-            found = frames.interpolated(self.t_s, self.values, at_s)
-        else:
-            found = np.stack([np.interp(at_s, self.t_s, column) for column in self.values.T], axis=1)
-        return np.where(near[:, None], found, np.nan)
-
-    def held(self, at_s: Float) -> Float:
-        """(K, w): each value until the next, for as long as NEAR_S; NaN else."""
-        at = np.searchsorted(self.t_s, at_s, side="right") - 1
-        found = self.values[np.maximum(at, 0)]
-        return np.where(((at >= 0) & (at_s - self.t_s[at] <= NEAR_S))[:, None], found, np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

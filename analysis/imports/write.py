@@ -10,8 +10,9 @@ import numpy as np
 
 from analysis.imports.maps import QUANTITIES
 from analysis.imports.recording import Table
-from analysis.imports.signals import Imported, Sampled
+from analysis.imports.signals import Imported
 from analysis.reading import IMPORTED
+from analysis.series import Sampled
 from formation import topics
 from formation.clock_pair import ClockPair
 from formation.maths import frames

@@ -239,7 +239,7 @@ def rows(
 
 
 def _scene(row: Row) -> tuple[Scenario, Float]:
-    """What is flown, and the wind from when the leader moves; neural_fly.RecordingError, a ValueError."""
+    """What is flown, and the wind from when the leader moves; BadFileError, a ValueError."""
     if not row.recording:
         return SCENES[row.scene](profile(row.vehicle)), host.STILL
     recording = neural_fly.read(Path(row.recording))

@@ -1,4 +1,4 @@
-"""Neural-Fly's recorded flights, read line by line, and a figure-8 to fly in the force that they recorded.
+"""Neural-Fly's recorded flights, and a figure-8 to fly in the force that they recorded.
 
 The files are the user's to fetch, and never part of this project. A leader that no wind pushes flies the recorded
 reference; one follower beside it is pushed by the residual force of the recorded baseline flight over its mass. A
@@ -9,15 +9,15 @@ O'Connell, Shi et al., "Neural-Fly enables rapid learning for agile flight in st
 github aerorobotics/neural-fly, data/experiment: custom_figure8_METHOD_CONDITION.csv, 50 Hz.
 """
 
-import csv
-import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 
+from analysis.imports import csv_file
+from analysis.imports.recording import BadFileError
 from formation.config import Fence, FlightConfig, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig
 from formation.maths.arrays import Float
 from formation.trajectory_config import TrajectoryConfig
@@ -76,11 +76,7 @@ BESIDE_M = (0.0, -2.0, 0.0)
 TILT_RAD = 0.8
 """More than the 0.75 rad that the recorded vehicle tilted; its wind needs 0.54 to hover in."""
 RISE_S = 0.5
-COLUMNS = {"t": (), "p": (3,), "p_d": (3,), "fa": (3,)}
-
-
-class RecordingError(ValueError):
-    """A file that cannot be used: "file:line column: reason"."""
+COLUMNS = [f"{name}[{axis}]" for name in ("p", "p_d", "fa") for axis in range(3)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,29 +106,18 @@ def pushed_by(folder: Path, scene: str) -> Path:
 
 
 def read(path: Path) -> Recording:
-    """The flight in a file; RecordingError where it cannot be used."""
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise RecordingError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
-    if len(rows) < 2:
-        raise RecordingError(f"{path}: {len(rows)} lines of data, at least 2 are needed")
-    columns = [np.array([_cell(path, k, row, name, shape) for k, row in enumerate(rows, 2)])
-               for name, shape in COLUMNS.items()]  # fmt: skip
-    if (np.diff(columns[0]) <= 0.0).any():
-        raise RecordingError(f"{path}: column `t` does not rise")
-    return Recording(columns[0] - columns[0][0], *columns[1:])
+    """The flight in a file; BadFileError, a ValueError, or OSError where it cannot be used."""
 
+    def clock_of(names: Sequence[str]) -> tuple[str, float]:
+        if missing := [name for name in ("t", *COLUMNS) if name not in names]:
+            raise BadFileError(f"{path}: no column {missing[0]}")
+        return "t", 1.0
 
-def _cell(path: Path, line: int, row: Mapping[str, str], name: str, shape: tuple[int, ...]) -> Float:
-    try:
-        value = np.array(json.loads(row[name]), dtype=np.float64)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise RecordingError(f"{path}:{line} {name}: not a number or a list of numbers") from error
-    if value.shape != shape or not np.isfinite(value).all():
-        raise RecordingError(f"{path}:{line} {name}: not {shape[0] if shape else 1} finite number(s)")
-    return value
+    rows = csv_file.read(path, clock_of).tables[""]
+    if wrong := [name for name in COLUMNS if not np.isfinite(rows.columns[name]).all()]:
+        raise BadFileError(f"{path}: {wrong[0]} has values that are no finite number")
+    pos_m, reference_m, residual_n = np.stack([rows.columns[name] for name in COLUMNS]).reshape(3, 3, -1)
+    return Recording(rows.t_s - rows.t_s[0], pos_m.T, reference_m.T, residual_n.T)
 
 
 def scenario_of(recording: Recording) -> Scenario:
@@ -162,7 +147,7 @@ def wind(recording: Recording, step_s: float) -> Float:
 
 
 def flown_rms_m(folder: Path) -> dict[str, dict[str, float]]:
-    """RMS distance from the reference of the article's own flights there, by method and scene; RecordingError."""
+    """RMS distance from the reference of the article's own flights there, by method and scene; BadFileError."""
     return {
         method: {
             scene: read(path).rms_m

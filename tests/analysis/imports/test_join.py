@@ -12,8 +12,8 @@ import gcs_log
 from analysis.chain import stages
 from analysis.identify.signals import sent
 from analysis.imports.align import by_exchanges, by_motion
-from analysis.imports.signals import Sampled
 from analysis.load import load
+from analysis.series import Sampled
 from formation.maths import frames
 from formation.maths.arrays import Float
 from formation.topics import TRUTH

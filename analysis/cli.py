@@ -33,6 +33,13 @@ Out = Annotated[
 ]
 ProfileOut = Annotated[Path | None, typer.Option("--write", metavar="FILE", help="Write a drone's profile as TOML.")]
 Drone = Annotated[int | None, typer.Option("--sysid", help="Whose profile; without it the last drone's.")]
+Base = Annotated[
+    str | None,
+    typer.Option(
+        "--profile",
+        help="A shipped vehicle, or a profile's TOML file, to start from; none: the flight's own, or paper_40g.",
+    ),
+]
 PngOut = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The PNG; without it beside the log.")]
 
 
@@ -324,6 +331,7 @@ def export(
 @app.command()
 def identify(
     log: LogPath,
+    base: Base = None,
     write: ProfileOut = None,
     drone: Drone = None,
     overwrite: Overwrite = False,
@@ -335,11 +343,12 @@ def identify(
     from analysis.identify import report as identified
     from analysis.identify import vehicle as identification
     from analysis.load import load
+    from wire.config_file import vehicle_profile
 
     with refusing():
         if write is not None:
             demand_absent(write, overwrite)
-        found = identification.identify(load(log))
+        found = identification.identify(load(log), None if base is None else vehicle_profile(base))
         if write is not None:
             _write_profile(found, write, drone, overwrite)
     if as_json:

@@ -15,7 +15,7 @@ from pydantic_core import ErrorDetails
 
 from formation.model import Model, WrongKeyError
 from formation.names import meant
-from formation.vehicle.profile import VehicleProfile, on_base
+from formation.vehicle.profile import VehicleProfile, on_base, profile
 from wire.errors import ConfigError as ConfigError
 from wire.errors import Fault as Fault
 from wire.files import read_text, read_toml
@@ -243,6 +243,17 @@ def dump_profile(profile: VehicleProfile) -> str:
     import tomli_w
 
     return tomli_w.dumps({"profiles": [profile.model_dump(mode="json", exclude_none=True)]})
+
+
+def vehicle_profile(name_or_path: str) -> VehicleProfile:
+    """A shipped vehicle, or one of a profile's TOML file; ConfigError where there is none."""
+    path = Path(name_or_path)
+    if path.exists():
+        return load_profile(path)
+    try:
+        return profile(name_or_path)
+    except ValueError as error:
+        raise ConfigError([str(error)]) from error
 
 
 def load_profile(path: Path) -> VehicleProfile:

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from analysis.identify.drag import Drag
 from analysis.identify.response import Response
 from analysis.identify.sensing import Sensing
 from analysis.identify.signals import Estimate
@@ -19,7 +20,7 @@ from analysis.identify.vehicle import Identification, Identified
 class Line:
     """One estimated quantity: its key (SI unit in it), the estimate or None, what the profile assumed.
 
-    scale, unit: for people.
+    scale, unit: for people; by: what in the log says it.
     """
 
     key: str
@@ -28,6 +29,7 @@ class Line:
     assumed: float | None
     scale: float = 1.0
     unit: str = ""
+    by: str = ""
 
     def words(self) -> str:
         """`49.1 ms (48.7 to 49.6)`."""
@@ -46,23 +48,31 @@ def drone_lines(drone: Identified) -> Iterator[Line]:
     """Everything estimated of one drone."""
     base = drone.base
     if isinstance(drone.response, Response):
-        r = drone.response
-        yield Line("response_dead_time_s", "attitude dead time", r.dead_time_s, base.response_dead_time_s, 1e3, "ms")
-        yield Line("response_lag_s", "attitude lag", r.lag_s, base.response_lag_s, 1e3, "ms")
-        yield Line("delay_s", "pure delay", r.delay_s, None, 1e3, "ms")
-        yield Line("attitude_p_1_s", "attitude gain", r.attitude_p_1_s, base.attitude_p_1_s, 1.0, "1/s")
-        yield Line("rate_p_1_s", "rate gain", r.rate_p_1_s, base.rate_p_1_s, 1.0, "1/s")
-        yield Line("motor_lag_s", "motor lag", r.motor_lag_s, base.motor_lag_s, 1e3, "ms")
-        yield Line("rate_lead", "takes body rates", r.rate_lead, float(base.rate_feed_forward))
+        r, by = drone.response, "attitudes: commanded, cameras"
+        yield Line(
+            "response_dead_time_s", "attitude dead time", r.dead_time_s, base.response_dead_time_s, 1e3, "ms", by
+        )
+        yield Line("response_lag_s", "attitude lag", r.lag_s, base.response_lag_s, 1e3, "ms", by)
+        yield Line("delay_s", "pure delay", r.delay_s, None, 1e3, "ms", by)
+        yield Line("attitude_p_1_s", "attitude gain", r.attitude_p_1_s, base.attitude_p_1_s, 1.0, "1/s", by)
+        yield Line("rate_p_1_s", "rate gain", r.rate_p_1_s, base.rate_p_1_s, 1.0, "1/s", by)
+        yield Line("motor_lag_s", "motor lag", r.motor_lag_s, base.motor_lag_s, 1e3, "ms", by)
+        yield Line("rate_lead", "takes body rates", r.rate_lead, float(base.rate_feed_forward), by=by)
     if isinstance(drone.thrust, Thrust):
-        t = drone.thrust
-        yield Line("hover_thrust_norm", "hover thrust", t.hover_norm, base.hover_thrust_norm)
-        yield Line("thrust_curve", "thrust curve k", t.curve, base.thrust_curve)
+        t, by = drone.thrust, "thrust commanded, height"
+        yield Line("hover_thrust_norm", "hover thrust", t.hover_norm, base.hover_thrust_norm, by=by)
+        yield Line("thrust_curve", "thrust curve k", t.curve, base.thrust_curve, by=by)
         full = base.thrust_max_n / base.mass_kg
-        yield Line("thrust_max_m_s2", "full thrust per mass", t.full_m_s2, full, 1.0, "m/s²")
-        yield Line("thrust_fade_1_s", "thrust lost", t.fade_1_s, None, 6e3, "% a minute")
+        yield Line("thrust_max_m_s2", "full thrust per mass", t.full_m_s2, full, 1.0, "m/s²", by)
+        yield Line("thrust_fade_1_s", "thrust lost", t.fade_1_s, None, 6e3, "% a minute", by)
+    if isinstance(drone.drag, Drag):
+        d, by, mean = drone.drag, "poses: tilt, motion", float(base.drag_1_s[0])
+        yield Line("drag_1_s", "drag over mass", d.drag_1_s, mean, 1.0, "1/s", by)
+        yield Line("trim_x_rad", "markers tilt forward", d.trim_x, None, 1e3, "mrad", by)
+        yield Line("trim_y_rad", "markers tilt left", d.trim_y, None, 1e3, "mrad", by)
     if isinstance(drone.late_s, Estimate):
-        yield Line("pose_late_s", "poses later than stamped", drone.late_s, None, 1e3, "ms")
+        by = "attitudes: its own, cameras"
+        yield Line("pose_late_s", "poses later than stamped", drone.late_s, None, 1e3, "ms", by)
 
 
 def sensing_lines(sensing: Sensing) -> Iterator[Line]:
@@ -81,12 +91,13 @@ def print_identification(found: Identification, console: Console) -> None:
         table.add_column(style="dim")
         table.add_column("estimate")
         table.add_column(Text(drone.base.name), style="dim")
+        table.add_column("known by", style="dim")
         for line in drone_lines(drone):
-            table.add_row(line.name, line.words(), line.assumed_words())
-        for reason in (drone.response, drone.thrust):
-            if isinstance(reason, str):
-                table.add_row("untold", reason, "")
+            table.add_row(line.name, line.words(), line.assumed_words(), line.by)
+        for reason in sorted(drone.untold):
+            table.add_row("not known", reason, "")
         console.print(table)
+        console.print(f"as in {drone.base.name}: {', '.join(drone.unchanged())}", highlight=False)
     if isinstance(found.sensing, str):
         console.print(f"mocap: {found.sensing}", highlight=False)
         return
@@ -114,7 +125,8 @@ def to_json(found: Identification) -> str:
             "sysid": drone.vehicle.sysid,
             "base": drone.base.name,
             **entries(drone_lines(drone)),
-            "untold": [reason for reason in (drone.response, drone.thrust, drone.late_s) if isinstance(reason, str)],
+            "untold": sorted(drone.untold),
+            "unchanged": drone.unchanged(),
         }
         for drone in found.drones
     }

@@ -122,29 +122,49 @@ def attitudes_of(flight: Flight) -> dict[int, Attitudes]:
     return {sysid: _on_our_clock(reported[sysid], offset) for sysid, offset in offsets.items() if sysid in reported}
 
 
+def logged_attitudes(flight: Flight, vehicle: Vehicle) -> Attitudes | None:
+    """As `attitudes_of`, of another recorder's log: on the log's clock, as late as its columns are."""
+    own = flight.signals.get((vehicle.body, "estimated_attitude"))
+    return None if own is None else (own.t_s, _up(own.values))
+
+
 def late(flight: Flight, vehicle: Vehicle, own: Attitudes | None) -> Estimate | str:
     """The latency, s, of one vehicle's poses, to be added to `mocap.latency_s`; or why there is no estimate."""
     if own is None or len(own[0]) < ATTITUDES_LEAST:
         return "the autopilot reported too few attitudes"
     index, poses = flight.vehicles.index(vehicle), flight.poses
     flown = poses.seen[:, index] & airborne(flight, poses.t_s)
-    own_s, own_down = own
-    t_s = poses.t_s[flown]
+    return _shift(poses.t_s[flown], _up(poses.q_lab_from_flu[flown, index]), *own, "it hardly leant")
+
+
+def behind(flight: Flight, vehicle: Vehicle) -> Estimate | str:
+    """How far the autopilot's own position is behind the cameras', s, both on the log's clock; or why not known."""
+    own = flight.signals.get((vehicle.body, "estimated_position"))
+    if own is None or len(own.t_s) < ATTITUDES_LEAST:
+        return "the autopilot's own position is not in the log"
+    index, poses = flight.vehicles.index(vehicle), flight.poses
+    flown = poses.seen[:, index] & airborne(flight, poses.t_s)
+    found = _shift(poses.t_s[flown], poses.pos_lab_m[flown, index, :2], own.t_s, own.values[:, :2], "it hardly moved")
+    return found if isinstance(found, str) else Estimate(-found.value, -found.high, -found.low)
+
+
+def _shift(t_s: Float, shown: Float, own_s: Float, own: Float, still: str) -> Estimate | str:
+    """By how much what is shown (T, 2) comes later than the drone's own (K, 2); `still` where neither moves."""
     after = np.clip(np.searchsorted(own_s, t_s), 1, len(own_s) - 1)
     near = (own_s[after] - own_s[after - 1] < MOST_S) & (t_s > own_s[0] + MOST_S) & (t_s < own_s[-1] - MOST_S)
-    t_s, shown = t_s[near], _up(poses.q_lab_from_flu[flown, index][near])
+    t_s, shown = t_s[near], shown[near]
     if len(t_s) < ATTITUDES_LEAST or float(np.std(shown, axis=0).max()) < 5e-3:
-        return "it hardly leant"
+        return still
 
     def residual(parameters: Float) -> Float:
         when = t_s - parameters[0]
-        own_at = np.stack([np.interp(when, own_s, own_down[:, axis]) for axis in range(2)], axis=1)
+        own_at = np.stack([np.interp(when, own_s, own[:, axis]) for axis in range(2)], axis=1)
         residuals: Float = (shown - own_at - parameters[1:]).T.ravel()
         return residuals
 
-    start = np.concatenate([[0.0], np.median(shown, axis=0) - np.median(own_down, axis=0)])
-    found = least_squares(residual, start, bounds=([-MOST_S, -1.0, -1.0], [MOST_S, 1.0, 1.0]),
-                          diff_step=[1e-3] * 3, x_scale=[0.01] * 3)  # fmt: skip
+    start = np.concatenate([[0.0], np.median(shown, axis=0) - np.median(own, axis=0)])
+    bounds = [-MOST_S, -np.inf, -np.inf], [MOST_S, np.inf, np.inf]
+    found = least_squares(residual, start, bounds=bounds, diff_step=[1e-3] * 3, x_scale=[0.01] * 3)
     cov = covariance(np.asarray(found.jac), found.fun, np.tile(t_s, 2))
     return about(float(found.x[0]), float(np.sqrt(cov[0, 0])))
 

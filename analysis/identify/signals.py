@@ -85,9 +85,9 @@ class Sent:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """One drone's measured motion in free flight: tilt (T, 2), all else (T,).
+    """One drone's measured motion in free flight: tilt, xy_lab_m (T, 2), all else (T,).
 
-    tilt: the horizontal part of the body's up axis in lab axes; for small angles in radians.
+    tilt: the horizontal part of the body's up axis in lab axes; for small angles in radians. xy_lab_m: x and y.
     """
 
     t_s: Float
@@ -95,6 +95,7 @@ class Seen:
     tilt: Float
     cos_tilt: Float
     heading_rad: Float
+    xy_lab_m: Float
 
 
 def sent(flight: Flight) -> dict[int, Sent]:
@@ -131,7 +132,9 @@ def seen(flight: Flight, vehicle: Vehicle) -> Seen:
     free: Bool = visible & airborne(flight, poses.t_s) & (z > floor_m + 0.1)
     q = poses.q_lab_from_flu[free, index]
     up = frames.rotate(q, UP)
-    return Seen(poses.t_s[free], z[free], up[:, :2], up[:, 2], np.unwrap(frames.yaw(q)))
+    return Seen(
+        poses.t_s[free], z[free], up[:, :2], up[:, 2], np.unwrap(frames.yaw(q)), poses.pos_lab_m[free, index, :2]
+    )
 
 
 def tilt_of(q_lab_from_flu: Float) -> Float:

@@ -63,13 +63,13 @@ def _windows(
     cos = np.interp(at_s, saw.t_s, saw.cos_tilt)
     usual = BUMP_S / float(np.median(np.diff(saw.t_s)))
     for middle_s in np.arange(saw.t_s[0] + BUMP_S / 2.0, saw.t_s[-1] - BUMP_S / 2.0, spacing_s):
-        frames = _inside(saw.t_s, middle_s)
+        frames = inside(saw.t_s, middle_s)
         if frames.stop - frames.start < 0.8 * usual:
             continue  # a window with a gap says nothing
-        cells = _inside(at_s, middle_s)
-        weight = _bump(at_s[cells] - middle_s)
+        cells = inside(at_s, middle_s)
+        weight = bump(at_s[cells] - middle_s)
         weight = cos[cells] * weight / weight.sum()
-        speed, acceleration = _motion(saw.t_s[frames] - middle_s, saw.height_m[frames])
+        speed, acceleration = motion(saw.t_s[frames] - middle_s, saw.height_m[frames])
         since_s = middle_s - saw.t_s[0]
         yield (
             float(middle_s), acceleration + GRAVITY_M_S2, float(weight @ first[cells]), float(weight @ second[cells]),
@@ -77,19 +77,19 @@ def _windows(
         )  # fmt: skip
 
 
-def _inside(t_s: Float, middle_s: float) -> slice:
+def inside(t_s: Float, middle_s: float) -> slice:
     """The entries within the bump about middle_s."""
     low, high = np.searchsorted(t_s, [middle_s - BUMP_S / 2.0, middle_s + BUMP_S / 2.0])
     return slice(int(low), int(high))
 
 
-def _bump(from_middle_s: Float) -> Float:
+def bump(from_middle_s: Float) -> Float:
     """(1 - x^2)^4 over the window, x from -1 to 1: it and three derivatives vanish at the ends."""
-    bump: Float = (1.0 - np.square(from_middle_s / (BUMP_S / 2.0))) ** 4
-    return bump
+    weight: Float = (1.0 - np.square(from_middle_s / (BUMP_S / 2.0))) ** 4
+    return weight
 
 
-def _motion(from_middle_s: Float, height_m: Float) -> tuple[float, float]:
+def motion(from_middle_s: Float, height_m: Float) -> tuple[float, float]:
     """The bump-weighted means of z' and z'', from z alone: the integrals of -bump' z and bump'' z over the bump's."""
     half_s = BUMP_S / 2.0
     x = from_middle_s / half_s

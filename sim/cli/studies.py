@@ -270,14 +270,12 @@ def _demand_absent(out: Path, overwrite: bool) -> None:
 
 def vehicle_profile(name_or_path: str) -> "VehicleProfile":
     """A shipped vehicle, or one of a profile's TOML file; ends the program where there is none."""
-    from formation.vehicle.profile import profile
     from sim.cli.flights import fail
-    from wire.config_file import ConfigError, load_profile
+    from wire import config_file
 
     try:
-        path = Path(name_or_path)
-        return load_profile(path) if path.exists() else profile(name_or_path)
-    except (ConfigError, ValueError) as error:
+        return config_file.vehicle_profile(name_or_path)
+    except ConfigError as error:
         fail(str(error), NOT_RIGHT)
 
 

@@ -204,7 +204,7 @@ def _identified(flight: Flight, index: int, of: Sent) -> tuple[VehicleProfile, f
     ):
         return base, LinkModel().down_s, False
     fitted = thrust.fit(of, saw, found.delay_s.value, found.motor_lag_s.value)
-    profile = Identified(vehicle, base, found, fitted, "").profile()
+    profile = Identified(vehicle, base, found, fitted, drag="", late_s="").profile()
     return profile, max(found.delay_s.value - profile.command_delay_s, 0.0), True
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from analysis.identify import response, thrust
+from analysis.identify import drag, response, thrust
+from analysis.identify.drag import Drag
 from analysis.identify.report import to_json
 from analysis.identify.response import Response, nearest_first_order
 from analysis.identify.sensing import Sensing, attitudes_of, estimate_sensing, late, scatter
@@ -74,7 +75,7 @@ def test_a_cascaded_loop_is_found_again(p: float, r: float, motor_s: float, dela
     noisy = np.stack([np.interp(looked_s, fine_s, lean[:, i]) for i in range(2)], 1) + trim
     noisy += 0.001 * rng.standard_normal(noisy.shape)
     flat = np.zeros(len(looked_s))
-    saw = Seen(looked_s, flat, noisy, flat + 1.0, flat)
+    saw = Seen(looked_s, flat, noisy, flat + 1.0, flat, noisy)
     found = response.fit(Sent(t_s, level(np.sin(tilt)), np.zeros((len(t_s), 3)), np.full(len(t_s), 0.5)), saw)
     assert isinstance(found, Response)
     assert covers(found.attitude_p_1_s, p)
@@ -110,13 +111,35 @@ def test_thrust_and_its_curve_are_found_again():
     height = np.interp(t_s, fine_s, z) + 1e-4 * rng.standard_normal(len(t_s))
     flat = np.zeros(len(t_s))
     of = Sent(t_s, np.tile(frames.IDENTITY, (len(t_s), 1)), np.zeros((len(t_s), 3)), norm)
-    found = thrust.fit(of, Seen(t_s, height, np.zeros((len(t_s), 2)), flat + 1.0, flat), delay_s, motor_s)
+    found = thrust.fit(
+        of, Seen(t_s, height, np.zeros((len(t_s), 2)), flat + 1.0, flat, np.zeros((len(t_s), 2))), delay_s, motor_s
+    )
     assert isinstance(found, Thrust)
     hover = (-(1.0 - curve) + np.sqrt((1.0 - curve) ** 2 + 4.0 * curve * GRAVITY_M_S2 / full)) / (2.0 * curve)
     assert found.hover_norm.value == pytest.approx(hover, rel=0.003)
     assert found.curve is not None
     assert covers(found.curve, curve)
     assert found.fade_1_s.value == pytest.approx(fade, rel=0.1)
+
+
+def test_drag_and_the_tilt_of_the_markers_are_found_in_the_poses_alone():
+    """An eight with a turning heading, 0.1 mm and 1 mrad of noise; the lean is the one that the motion asks for."""
+    rng = np.random.default_rng(4)
+    t_s, drag_1_s, trim = np.arange(0.0, 30.0, 0.01), 0.4, np.array([0.03, -0.02])
+    place = np.stack([np.sin(1.1 * t_s), 0.5 * np.sin(2.2 * t_s)], axis=1)
+    speed = np.stack([1.1 * np.cos(1.1 * t_s), 1.1 * np.cos(2.2 * t_s)], axis=1)
+    slope = (drag_1_s * speed - np.array([1.21, 4.84]) * place) / GRAVITY_M_S2
+    cos, heading = 1.0 / np.sqrt(1.0 + np.square(slope).sum(axis=1)), 0.4 * t_s
+    turned = np.stack([np.cos(heading) * trim[0] - np.sin(heading) * trim[1],
+                       np.sin(heading) * trim[0] + np.cos(heading) * trim[1]], axis=1)  # fmt: skip
+    lean = slope * cos[:, None] + turned + 1e-3 * rng.standard_normal(slope.shape)
+    noisy = place + 1e-4 * rng.standard_normal(place.shape)
+    found = drag.fit(Seen(t_s, np.ones(len(t_s)), lean, cos, heading, noisy))
+    assert isinstance(found, Drag)
+    assert covers(found.drag_1_s, drag_1_s)
+    assert covers(found.trim_x, trim[0])
+    assert covers(found.trim_y, trim[1])
+    assert drag.fit(Seen(t_s[:9], np.ones(9), lean[:9], cos[:9], heading[:9], noisy[:9])) == drag.TOO_SHORT
 
 
 def test_pose_noise_is_told_from_motion_at_uneven_times():
@@ -183,6 +206,8 @@ def test_a_flown_vehicles_lag_delay_and_hover_thrust_are_found(found: Identifica
     assert follower.response.rate_lead.value > 0.5
     assert isinstance(follower.thrust, Thrust)
     assert follower.thrust.hover_norm.value == pytest.approx(body.hover_thrust_norm, rel=0.02)
+    assert isinstance(follower.drag, Drag)
+    assert follower.drag.drag_1_s.value == pytest.approx(body.drag_1_s[0], rel=0.15)
 
 
 def test_the_flown_mocaps_noise_and_delay_are_found(found: Identification):

@@ -1,4 +1,4 @@
-"""The configuration of one simulated drone: its guard's, the autopilot behind it, and what it really flies."""
+"""The configuration of a drone whose autopilot is ours: its guard's, that autopilot's, what a simulated one flies."""
 
 from typing import Any, Literal
 
@@ -11,27 +11,32 @@ from formation.model import Vec3Tuple
 from formation.vehicle.profile import VehicleProfile, profile
 
 
-class SimulatedDroneConfig(GuardConfig):
-    """One simulated drone. Lengths in `lab`; `profile` may be changed key by key with `vehicle`."""
+class AutopilotConfig(GuardConfig):
+    """One drone whose autopilot runs in this process. Lengths in `lab`."""
+
+    pose: Literal["own", "mocap"] = "own"
+    """own: simulated positioning as an autopilot's SITL has; mocap: the external pose and nothing else."""
+    start_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
+    parameters: dict[str, float] = Field(default_factory=dict)
+    rates_hz: dict[int, NonNegative] = Field(default_factory=dict)
+    """Telemetry by MAVLink message id, where it shall differ from the autopilot's; 0 is off."""
+
+
+class SimulatedDroneConfig(AutopilotConfig):
+    """One simulated drone; `profile` may be changed key by key with `vehicle`."""
 
     autopilot: Literal["px4", "ardupilot"] = Field(
         default="px4", validation_alias=AliasChoices("autopilot", "personality")
     )
     """The autopilot it simulates; `personality` is the option's older name."""
-    pose: Literal["own", "mocap"] = "own"
-    """own: simulated positioning as an autopilot's SITL has; mocap: the external pose and nothing else."""
     guard: bool = True
     """With `pose = mocap`: fly behind a guard in this process; false where a bridge of its own stands before it."""
     vehicle: dict[str, Any] = Field(default_factory=dict)
     """Overrides of the profile: what this particular drone really is."""
-    start_lab_m: Vec3Tuple = (0.0, 0.0, 0.0)
     start_yaw_rad: float = 0.0
     disturbance: Disturbance = Disturbance()
     inertial_error: InertialError = InertialError()
     """The errors of its inertial sensors: by them it knows its attitude, and where it is without a pose."""
-    parameters: dict[str, float] = Field(default_factory=dict)
-    rates_hz: dict[int, NonNegative] = Field(default_factory=dict)
-    """Telemetry by MAVLink message id, where it shall differ from the autopilot's; 0 is off."""
     truth_rate_hz: NonNegative = 0.0
     """How often the true state is published; 0 leaves it to whoever asks."""
 

@@ -1,4 +1,4 @@
-"""A simulated autopilot and its vehicle without their sockets: packets and time in; packets, truth and events out.
+"""An autopilot of ours and its vehicle without their sockets: packets and time in; packets, truth and events out.
 
 Sans-IO: time is an argument, and everything inside happens at its own time and in order, whenever anybody asks.
 """
@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from drone_agent.autopilots import MODELS
+from drone_agent.autopilots.model import AutopilotModel
 from drone_agent.autopilots.parameters import Parameters
-from drone_agent.config import SimulatedDroneConfig
+from drone_agent.config import AutopilotConfig, SimulatedDroneConfig
 from drone_agent.flight.autopilot import CONTROL_NS, Autopilot
-from drone_agent.flight.estimator import Estimator, ExternalPose
+from drone_agent.flight.estimator import Estimator
 from drone_agent.flight.failsafes import Failsafes
+from drone_agent.flight.vehicle import Estimate, ExternalPose, Vehicle
 from drone_agent.link.commands import Commander
 from drone_agent.link.inbox import READS, Inbox
 from drone_agent.link.schedule import RASTER_NS, Schedule
@@ -50,28 +52,20 @@ class AgentTurn(NamedTuple):
     events: list[Event]
 
 
-class AgentCore:
-    """One simulated drone. Call a `receive` with what arrives and `tick` or `turn` no later than `due_ns`."""
+class AutopilotCore:
+    """An autopilot and a vehicle. Call a `receive` with what arrives and `tick` or `turn` no later than `due_ns`."""
 
-    def __init__(self, config: SimulatedDroneConfig, t0_ns: int, physics: Physics = OWN) -> None:
-        """physics: what integrates the vehicle."""
-        model = MODELS[config.autopilot]
+    def __init__(
+        self, config: AutopilotConfig, model: AutopilotModel, parameters: Parameters, t0_ns: int, estimate: Estimate,
+        vehicle: Vehicle,
+    ) -> None:  # fmt: skip
         self.config = config
+        self._vehicle = vehicle
         self.codec = Codec(Address(config.sysid, DRONE_COMPONENT), reads=READS)
-        self.parameters = Parameters(model.table, _first_values(config, model.table))
+        self.parameters = parameters
         self._t0_ns = self._now_ns = t0_ns
-        start = np.array(config.start_lab_m)
-        own = config.pose == "own"
-        self._estimator = (
-            Estimator(t0_ns, 2_000_000_000, "waiting for estimator to initialize") if own else Estimator(t0_ns)
-        )
-        self.airframe = Airframe(
-            config.true_vehicle(), config.disturbance, start, config.start_yaw_rad, t0_ns,
-            InertialSensor(config.inertial_error, config.sysid), self._estimator, physics, has_receiver=own,
-        )  # fmt: skip
-        """The simulated vehicle, which the autopilot knows as its `vehicle`: by sensors and orders."""
         configured = profile(config.profile, config.profiles)
-        self.autopilot = Autopilot(config, model, self.parameters, self.airframe, self._estimator, configured)
+        self.autopilot = Autopilot(config, model, self.parameters, vehicle, estimate, configured)
         self._failsafes = Failsafes(self.autopilot)
         self._direct = config.link.kind == "udp"
         direct_hz = model.direct_rates_hz if self._direct else {}
@@ -84,8 +78,6 @@ class AgentCore:
         self._events: list[Event] = []
         self._monitor_ns = self._inside_ns = t0_ns
         self._control_ns = t0_ns
-        self._truth_ns = t0_ns
-        self._truth_period_ns = round(1e9 / config.truth_rate_hz) if config.truth_rate_hz > 0.0 else 0
         for severity, text in model.texts.boot:
             self.autopilot.report(severity, text)
         self.due_ns = t0_ns
@@ -129,11 +121,7 @@ class AgentCore:
             self.autopilot.report(event.severity, f"{event.text} (from {event.source})")
         if self.autopilot.notes:
             self._flush_notes()
-        truth = None
-        if self._truth_period_ns and now_ns >= self._truth_ns:
-            self._truth_ns = max(self._truth_ns + self._truth_period_ns, now_ns)
-            truth = self.truth(now_ns)
-        turn = AgentTurn(self._outbox, truth, self._events)
+        turn = AgentTurn(self._outbox, self._due_truth(now_ns), self._events)
         self._outbox, self._events = [], []
         self._update_due()
         return turn
@@ -144,30 +132,19 @@ class AgentCore:
             self.due_ns = self._now_ns
             return
         due_ns = min(self._inside_ns, self._schedule.next_ns)
-        if self._truth_period_ns:
-            due_ns = min(due_ns, self._truth_ns)
         if self._inbox.listing is not None:
             due_ns = min(due_ns, self._now_ns + RASTER_NS)
         self.due_ns = due_ns
 
-    def truth(self, now_ns: int) -> Truth:
-        """The true state at `now_ns`, exactly, wherever the physics' grid lies."""
-        self._run_to(now_ns)
-        self._update_due()
-        state = self.airframe.state_at(now_ns)
-        return Truth(
-            t_ns=now_ns,
-            sysid=self.config.sysid,
-            pos_lab_m=state.pos_lab_m,
-            vel_lab_m_s=state.vel_lab_m_s,
-            q_lab_from_flu=state.q_lab_from_flu,
-            rate_flu_rad_s=state.rate_flu_rad_s,
-            dist_lab_m_s2=self.airframe.push_lab_m_s2,
-            on_ground=on_ground(state),
-            armed=self.airframe.armed,
-        )
-
     # Inside
+
+    def _due_truth(self, _now_ns: int) -> Truth | None:
+        """The true state, where it is known and due."""
+        return None
+
+    def _message(self, number: int, now_ns: int) -> LinkMessage | None:
+        """The message of that number as it is now."""
+        return BUILDERS[number](self._telemetry, now_ns)
 
     def _next_inside_ns(self) -> int:
         due_ns = self._monitor_ns
@@ -182,13 +159,13 @@ class AgentCore:
         """Let everything inside happen up to `now_ns`: each at its own time."""
         while (due_ns := self._inside_ns) <= now_ns:
             self._now_ns = max(due_ns, self._now_ns)
-            self.airframe.advance_to(due_ns)
+            self._vehicle.advance_to(due_ns)
             self._failsafes.check_stream(due_ns)
             if self.autopilot.piloted and due_ns >= self._control_ns:
                 self.autopilot.control(due_ns)
                 self._control_ns = due_ns + CONTROL_NS
             if due_ns >= self._monitor_ns:
-                self.airframe.drain(_MONITOR_PERIOD_S)
+                self._vehicle.drain(_MONITOR_PERIOD_S)
                 self._failsafes.check(due_ns)
                 self._monitor_ns = due_ns + _MONITOR_PERIOD_NS
             self._inside_ns = self._next_inside_ns()
@@ -206,23 +183,15 @@ class AgentCore:
 
     def _use_pose(self, pose: ExternalPose, now_ns: int) -> None:
         if self.config.pose == "mocap":
-            self.airframe.advance_to(now_ns)
-            self._estimator.receive_pose(pose, now_ns, self.autopilot.fusion)
+            self._vehicle.advance_to(now_ns)
+            self.autopilot.estimator.receive_pose(pose, now_ns, self.autopilot.fusion)
 
     def _report(self, numbers: Sequence[int], now_ns: int) -> None:
         if numbers:
-            self.airframe.advance_to(now_ns)
+            self._vehicle.advance_to(now_ns)
         for number in numbers:
-            if number == MessageId.HIL_STATE_QUATERNION:  # the simulator's word, not the autopilot's
-                self._send(self._true_state(now_ns))
-            elif (message := BUILDERS[number](self._telemetry, now_ns)) is not None:
+            if (message := self._message(number, now_ns)) is not None:
                 self._send(message)
-
-    def _true_state(self, now_ns: int) -> SimTruth:
-        state = self.airframe.state
-        x, y, z = state.pos_lab_m.tolist()
-        lat, lon, alt = to_globe(self.config.origin, (x, y, z))
-        return SimTruth((now_ns - self._t0_ns) // 1000, state.q_lab_from_flu, state.vel_lab_m_s, lat, lon, alt)
 
     def _answer(self, now_ns: int) -> None:
         """Send what REQUEST_MESSAGE asked for, after its acknowledgement."""
@@ -251,11 +220,70 @@ class AgentCore:
         try:
             self._outbox += self.codec.frames(message)
         except MavlinkError as error:
-            self._inbox.rejections.note("own telemetry", str(error), self.airframe.t_ns)
+            self._inbox.rejections.note("own telemetry", str(error), self._now_ns)
 
 
-def _first_values(config: SimulatedDroneConfig, table: AutopilotTable) -> dict[str, float]:
+class AgentCore(AutopilotCore):
+    """One simulated drone."""
+
+    config: SimulatedDroneConfig
+
+    def __init__(self, config: SimulatedDroneConfig, t0_ns: int, physics: Physics = OWN) -> None:
+        """physics: what integrates the vehicle."""
+        own = config.pose == "own"
+        estimator = Estimator(t0_ns, 2_000_000_000, "waiting for estimator to initialize") if own else Estimator(t0_ns)
+        self.airframe = Airframe(
+            config.true_vehicle(), config.disturbance, np.array(config.start_lab_m), config.start_yaw_rad, t0_ns,
+            InertialSensor(config.inertial_error, config.sysid), estimator, physics, has_receiver=own,
+        )  # fmt: skip
+        """The simulated vehicle, which the autopilot knows as its `vehicle`: by sensors and orders."""
+        self._truth_ns = t0_ns
+        self._truth_period_ns = round(1e9 / config.truth_rate_hz) if config.truth_rate_hz > 0.0 else 0
+        model = MODELS[config.autopilot]
+        super().__init__(config, model, first_parameters(config, model.table), t0_ns, estimator, self.airframe)
+
+    def truth(self, now_ns: int) -> Truth:
+        """The true state at `now_ns`, exactly, wherever the physics' grid lies."""
+        self._run_to(now_ns)
+        self._update_due()
+        state = self.airframe.state_at(now_ns)
+        return Truth(
+            t_ns=now_ns,
+            sysid=self.config.sysid,
+            pos_lab_m=state.pos_lab_m,
+            vel_lab_m_s=state.vel_lab_m_s,
+            q_lab_from_flu=state.q_lab_from_flu,
+            rate_flu_rad_s=state.rate_flu_rad_s,
+            dist_lab_m_s2=self.airframe.push_lab_m_s2,
+            on_ground=on_ground(state),
+            armed=self.airframe.armed,
+        )
+
+    def _update_due(self) -> None:
+        super()._update_due()
+        if self._truth_period_ns:
+            self.due_ns = min(self.due_ns, self._truth_ns)
+
+    def _due_truth(self, now_ns: int) -> Truth | None:
+        if not self._truth_period_ns or now_ns < self._truth_ns:
+            return None
+        self._truth_ns = max(self._truth_ns + self._truth_period_ns, now_ns)
+        return self.truth(now_ns)
+
+    def _message(self, number: int, now_ns: int) -> LinkMessage | None:
+        if number == MessageId.HIL_STATE_QUATERNION:  # the simulator's word, not the autopilot's
+            return self._true_state(now_ns)
+        return super()._message(number, now_ns)
+
+    def _true_state(self, now_ns: int) -> SimTruth:
+        state = self.airframe.state
+        x, y, z = state.pos_lab_m.tolist()
+        lat, lon, alt = to_globe(self.config.origin, (x, y, z))
+        return SimTruth((now_ns - self._t0_ns) // 1000, state.q_lab_from_flu, state.vel_lab_m_s, lat, lon, alt)
+
+
+def first_parameters(config: AutopilotConfig, table: AutopilotTable) -> Parameters:
     """This drone's first parameters: its own number, its kind's hover thrust, its pose, its own values."""
     hover = round(profile(config.profile, config.profiles).hover_thrust_norm, 3)
     values = {table.system_parameter: float(config.sysid), table.hover_parameter: hover}
-    return {**values, **(table.indoor if config.pose == "mocap" else {}), **config.parameters}
+    return Parameters(table, {**values, **(table.indoor if config.pose == "mocap" else {}), **config.parameters})

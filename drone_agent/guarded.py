@@ -1,12 +1,12 @@
-"""A simulated drone: the guard, and the simulated autopilot behind it, joined in memory as by a cable. No sockets.
+"""A drone whose autopilot is ours: the guard, and that autopilot behind it, joined in memory as by a cable. No sockets.
 
 The guard is the one that stands beside a real autopilot (drone_agent.guard.core); it alone hears ground and mocap.
 """
 
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from drone_agent.config import SimulatedDroneConfig
-from drone_agent.core import AgentCore
+from drone_agent.core import AgentCore, AutopilotCore
 from drone_agent.guard.core import GuardCore
 from drone_agent.guard.navigator import Fault
 from drone_agent.simulation.attitude_loop import OWN, Physics
@@ -29,16 +29,16 @@ class DroneOutgoing(NamedTuple):
     """When the next tick is due if nothing arrives."""
 
 
-class GuardedDrone:
+Behind = TypeVar("Behind", bound=AutopilotCore)
+
+
+class Guarded(Generic[Behind]):
     """One drone. Call a `receive` with what arrives and `tick` no later than `due_ns`."""
 
-    def __init__(
-        self, config: SimulatedDroneConfig, t0_ns: int, physics: Physics = OWN, without: frozenset[str] = frozenset()
-    ) -> None:
-        """physics: what integrates the vehicle; without: monitors of the guard to do without."""
-        self.guards = [GuardCore(config, t0_ns, without=without)]
+    def __init__(self, guard: GuardCore, autopilot: Behind) -> None:
+        self.guards = [guard]
         """One; in a simulation of faults none, or two that were started by mistake."""
-        self.autopilot = AgentCore(config, t0_ns, physics)
+        self.autopilot = autopilot
 
     def receive(self, datagram: Datagram, now_ns: int) -> None:
         """Receive the ground's datagram. Never raises on what it holds, nor does another `receive`."""
@@ -96,6 +96,16 @@ class GuardedDrone:
         for guard in self.guards:
             due_ns = min(due_ns, guard.due_ns)
         return due_ns
+
+
+class GuardedDrone(Guarded[AgentCore]):
+    """One simulated drone."""
+
+    def __init__(
+        self, config: SimulatedDroneConfig, t0_ns: int, physics: Physics = OWN, without: frozenset[str] = frozenset()
+    ) -> None:
+        """physics: what integrates the vehicle; without: monitors of the guard to do without."""
+        super().__init__(GuardCore(config, t0_ns, without=without), AgentCore(config, t0_ns, physics))
 
     def truth(self, now_ns: int) -> Truth:
         """The true state at `now_ns`."""

@@ -19,11 +19,10 @@ from drone_agent.autopilots.model import (
     Timing,
 )
 from drone_agent.autopilots.parameters import Parameters
-from drone_agent.config import SimulatedDroneConfig
-from drone_agent.flight.estimator import Estimator
+from drone_agent.config import AutopilotConfig
 from drone_agent.flight.flying import Pilot
 from drone_agent.flight.landing import LandDetector
-from drone_agent.flight.vehicle import Vehicle
+from drone_agent.flight.vehicle import Estimate, Vehicle
 from drone_agent.guard.position import Belief
 from formation.messages import Severity
 from formation.model import Vec3Tuple
@@ -82,11 +81,11 @@ class Autopilot:
 
     def __init__(
         self,
-        config: SimulatedDroneConfig,
+        config: AutopilotConfig,
         model: AutopilotModel,
         parameters: Parameters,
         vehicle: Vehicle,
-        estimator: Estimator,
+        estimator: Estimate,
         configured: VehicleProfile,
     ) -> None:
         """configured: what it is set up for, whatever it really flies."""
@@ -203,6 +202,8 @@ class Autopilot:
         self.stream.end()
         if not self.armed:
             return Result.ACCEPTED
+        if not self.landed:
+            self.vehicle.stop()
         self.armed = self.vehicle.armed = False
         self.vehicle.order_now(self.pilot.idle())
         self.piloted = self.failsafe = False

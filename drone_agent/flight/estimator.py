@@ -6,13 +6,12 @@ with a compass.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from drone_agent.autopilots.model import Fusion
 from drone_agent.flight import ekf
-from drone_agent.flight.vehicle import ImuSample
+from drone_agent.flight.vehicle import ExternalPose, ImuSample
 from drone_agent.guard.position import Belief
 from formation.maths.arrays import Float, Quat, Vec3
 from formation.maths.quaternion import heading_of
@@ -25,14 +24,6 @@ _FIX = Fusion(np.array([0.001, 0.01, 5.0, 5.0]), 1.0, 5.0)
 PLANE, HEIGHT, HEADING = 0, 1, 2
 _AXES = ((0, 2), (2, 3))
 _REASONS = ("external position jumped", "external height jumped", "external heading jumped")
-
-
-class ExternalPose(NamedTuple):
-    """A pose from outside, its capture on this agent's own clock."""
-
-    t_capture_ns: int
-    pos_lab_m: Vec3
-    q_lab_from_flu: Quat
 
 
 class Estimator:

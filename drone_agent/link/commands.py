@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 
-from drone_agent.config import SimulatedDroneConfig
+from drone_agent.config import AutopilotConfig
 from drone_agent.flight.autopilot import Autopilot
 from drone_agent.link.schedule import Schedule
 from formation.maths.geodesy import from_globe, to_globe
@@ -60,7 +60,7 @@ def order_of(message: CommandLong | CommandInt) -> Order:
 class Commander:
     """Obeys orders; `wanted` collects the messages that were asked for, `answers` what is ready to send."""
 
-    def __init__(self, config: SimulatedDroneConfig, autopilot: Autopilot, schedule: Schedule) -> None:
+    def __init__(self, config: AutopilotConfig, autopilot: Autopilot, schedule: Schedule) -> None:
         self._config = config
         self._pilot = autopilot
         self._schedule = schedule

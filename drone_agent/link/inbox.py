@@ -3,11 +3,11 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from drone_agent.config import SimulatedDroneConfig
+from drone_agent.config import AutopilotConfig
 from drone_agent.flight.autopilot import Autopilot
-from drone_agent.flight.estimator import ExternalPose
 from drone_agent.flight.failsafes import Failsafes
 from drone_agent.flight.guidance import Guidance
+from drone_agent.flight.vehicle import ExternalPose
 from drone_agent.link.commands import Commander, order_of
 from formation.messages import Event, Severity
 from wire.clock_offset import ClockOffset
@@ -53,7 +53,7 @@ class Inbox:
 
     def __init__(
         self,
-        config: SimulatedDroneConfig,
+        config: AutopilotConfig,
         autopilot: Autopilot,
         failsafes: Failsafes,
         commander: Commander,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drone_agent.autopilots.model import Task
-from drone_agent.config import SimulatedDroneConfig
+from drone_agent.config import AutopilotConfig
 from drone_agent.flight.autopilot import Autopilot
 from formation.maths.arrays import Vec3
 from formation.maths.geodesy import to_globe
@@ -52,7 +52,7 @@ _PRESENT = _SENSORS | _CONTROL | SensorFlag.AHRS | SensorFlag.BATTERY | SensorFl
 class Telemetry:
     """What telemetry is made of; what makes it of this, at a time, is in BUILDERS."""
 
-    config: SimulatedDroneConfig
+    config: AutopilotConfig
     autopilot: Autopilot
     t0_ns: int
 
@@ -134,7 +134,7 @@ def _home(t: Telemetry, now_ns: int) -> LinkMessage | None:
 
 def _battery(t: Telemetry, _now_ns: int) -> LinkMessage:
     pack = t.autopilot.vehicle.pack
-    return Battery((pack.cell_v,) * pack.profile.cells, pack.current_a, pack.used_mah, pack.remaining)
+    return Battery((pack.cell_v,) * pack.cells, pack.current_a, pack.used_mah, pack.remaining)
 
 
 def _extended(t: Telemetry, _now_ns: int) -> LinkMessage:

@@ -118,6 +118,9 @@ class Airframe:
         self._coming.clear()
         self.setpoint = setpoint
 
+    def stop(self) -> None:
+        """It latches nothing: disarmed, its motors are off."""
+
     def advance_to(self, now_ns: int) -> None:
         """Integrate up to the last grid point at or before `now_ns`."""
         step_ns = self._physics.step_ns

@@ -2,12 +2,18 @@
 
 from itertools import pairwise
 
+import numpy as np
+
 from formation.vehicle.profile import BatteryProfile
 
 _CELL_FULL_V = 4.2
 _CELL_EMPTY_V = 3.3
 # The knee of a LiPo's resting curve: flat in the middle, steep below a tenth.
 _REST_CURVE = ((0.0, _CELL_EMPTY_V), (0.1, 3.68), (0.5, 3.82), (0.9, 4.08), (1.0, _CELL_FULL_V))
+
+
+SAG_V = 0.12
+"""Of a cell, in hover."""
 
 
 class BatteryPack:
@@ -32,14 +38,19 @@ class BatteryPack:
         self.thrust_scale = self._thrust_scale()
 
     @property
+    def cells(self) -> int:
+        """In series."""
+        return self.profile.cells
+
+    @property
     def remaining(self) -> float:
         """Charge left, 0..1."""
         return 1.0 - self.used_mah / self.profile.capacity_mah
 
     @property
     def cell_v(self) -> float:
-        """Voltage of each cell: resting voltage at this charge less the sag of the present current, 0.12 V in hover."""
-        sag = 0.12 * self.current_a / self.profile.hover_current_a
+        """Voltage of each cell: resting voltage at this charge less the sag of the present current."""
+        sag = SAG_V * self.current_a / self.profile.hover_current_a
         return max(_rest_v(self.remaining) - sag, 0.0)
 
     @property
@@ -57,3 +68,8 @@ def _rest_v(remaining: float) -> float:
         if remaining <= high:
             return low_v + (high_v - low_v) * (remaining - low) / (high - low)
     return _CELL_FULL_V
+
+
+def remaining_at(rest_v: float) -> float:
+    """The charge, 0..1, of a cell that rests at that voltage; NaN for NaN."""
+    return float(np.interp(rest_v, *np.array(_REST_CURVE).T[::-1]))

@@ -7,6 +7,25 @@ What is fitted and what is foretold was written down before the first flight was
 is another's copy under a new number is named once.
 """
 
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from scipy.stats import spearmanr
+
+from analysis.identify.vehicle import KNOWN_WITHIN, Identified, identify
+from analysis.imports.cli import import_files
+from analysis.load import Flight, load
+from formation.vehicle.profile import VehicleProfile, profile
+from sim.research.foretell import Foretold, foretell
+from sim.research.laws import chosen
+from wire.config_file import dump_profile
+
 FITTED = {"B2_circle_fast": (2,), "B3_figure8_medium": (2,), "B8_star_fast": (1,), "B10_lissajous_fast": (1,)}
 """Under PID, by figure and repetition: of these the vehicle is identified."""
 FORETOLD_PID = {
@@ -31,3 +50,113 @@ LEFT_OUT = {
     "B9_trefoil_fast 10, 15": "fly away halfway, 8.9 and 2.3 m",
 }
 """Seen in the recordings, before any was foretold."""
+BASE, WITHIN = "crazyflie_27g", 0.25
+LAWS = Path(__file__).parents[1] / "examples" / "laws"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One flight."""
+
+    name: str
+    rep: int
+    found: Foretold
+
+    @property
+    def text(self) -> str:
+        """Flown, foretold, apart, largest, in mm; delays in ms."""
+        f, s = self.found.flown, self.found.foretold
+        assert s is not None
+        assert self.found.apart_rms_m is not None
+        sides = (
+            f"{1e3 * side.rms_m:5.0f} (95 % {1e3 * side.p95_m:4.0f}, largest {1e3 * side.max_m:4.0f}, "
+            f"{1e3 * side.delay_s:3.0f} ms)"
+            for side in (f, s)
+        )
+        return (
+            f"{self.name:20s} {self.rep:3d} {self.found.seconds:5.1f} s {self.found.speed_m_s:4.1f} m/s: "
+            f"flown, foretold {', '.join(sides)}, {self.found.off_share:+4.0%}, apart {1e3 * self.found.apart_rms_m:4.0f}"
+        )
+
+
+def flight_of(folder: Path, name: str, rep: int, scratch: Path) -> Flight:
+    """One recording, imported."""
+    out = scratch / f"{name}_{rep}.mcap"
+    import_files([folder / f"{name}_rep{rep}.csv"], out, None, lambda _text: None)
+    return load(out)
+
+
+def pooled(found: Sequence[Identified], name: str) -> VehicleProfile:
+    """One vehicle of several flights: of each figure the median of the flights in which it is known."""
+    base, update = found[0].base, dict[str, Any]({"name": name})
+    profiles = [
+        (set(VehicleProfile.model_fields) - set(drone.unchanged()), drone.profile(KNOWN_WITHIN)) for drone in found
+    ]
+    for key in set().union(*(known for known, _ in profiles)) - {"name"}:
+        values = np.array([getattr(profile, key) for known, profile in profiles if key in known])
+        update[key] = np.median(values, axis=0).tolist()
+    return base.model_copy(update=update)
+
+
+def foretold(
+    folder: Path, flights: Mapping[str, Sequence[int]], vehicle: VehicleProfile, law: str, scratch: Path
+) -> list[Row]:
+    """Every flight of those, one after the other."""
+    rows = list[Row]()
+    for name, reps in flights.items():
+        for rep in reps:
+            flight = flight_of(folder, name, rep, scratch)
+            rows.append(Row(name, rep, foretell(flight, vehicle, chosen(str(LAWS / law)))))
+            typer.echo(rows[-1].text)
+    return rows
+
+
+def judged(title: str, rows: Sequence[Row]) -> Iterator[str]:
+    """How many are within WITHIN; the ranks of figures and speeds; how alike the repetitions are."""
+    off = np.array([row.found.off_share for row in rows])
+    by_name = {row.name: [other for other in rows if other.name == row.name] for row in rows}
+    mean = {
+        name: [float(np.mean([getattr(row.found, side).rms_m for row in of])) for side in ("flown", "foretold")]
+        for name, of in by_name.items()
+    }
+    rank = float(spearmanr(*np.array(list(mean.values())).T).statistic)
+    spread = [
+        max(r.found.flown.rms_m for r in of) / min(r.found.flown.rms_m for r in of) - 1.0
+        for of in by_name.values()
+        if len(of) > 1
+    ]
+    apart_mm = 1e3 * np.median([row.found.apart_rms_m for row in rows])
+    yield (
+        f"{title}: {int((np.abs(off) <= WITHIN).sum())} of {len(rows)} within {WITHIN:.0%}; foretold over flown, median "
+        f"{np.median(off):+.0%}, from {off.min():+.0%} to {off.max():+.0%}; paths {apart_mm:.0f} mm apart\n"
+        f"  rank correlation of {len(mean)} figures at their speeds {rank:.2f}; the flown repetitions differ by "
+        f"{np.median(spread):.0%} (median), {max(spread):.0%} at most"
+    )
+    for slow, fast in pairwise(("slow", "medium", "fast")):
+        pairs = [
+            (mean[name], mean[faster])
+            for name in mean
+            if name.endswith(slow) and (faster := name.replace(slow, fast)) in mean
+        ]
+        right = sum((a[0] < b[0]) == (a[1] < b[1]) for a, b in pairs)
+        yield f"  {slow} before {fast}: {right} of {len(pairs)} figures in the right order"
+
+
+def main(folder: Annotated[Path, typer.Argument(help="`datasets/dataset` of syediu/nanobench-iros2026.")]) -> None:
+    """Identify the vehicle of the fitted flights; foretell all others."""
+    with TemporaryDirectory() as name:
+        scratch = Path(name)
+        drones = [
+            identify(flight_of(folder, figure, rep, scratch), profile(BASE)).drones[0]
+            for figure, reps in FITTED.items() for rep in reps
+        ]  # fmt: skip
+        vehicle = pooled(drones, "nanobench_cf")
+        typer.echo(dump_profile(vehicle))
+        pid = foretold(folder, FORETOLD_PID, vehicle, "crazyflie_pid.py", scratch)
+        mellinger = foretold(folder, FORETOLD_MELLINGER, vehicle, "crazyflie_mellinger.py", scratch)
+    for line in (*judged("PID", pid), *judged("Mellinger", mellinger)):
+        typer.echo(line)
+
+
+if __name__ == "__main__":
+    typer.run(main)

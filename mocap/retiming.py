@@ -169,7 +169,11 @@ class Retiming:
         # A rhythm fills most of the time that has passed; frames that waited together, as for a process to begin, do not.
         periods = spacings_ns / (period_ns * steps)
         in_rhythm_ns = spacings_ns[(periods > CAUGHT_UP) & (periods < GAP)].sum()
-        if 2.0 * in_rhythm_ns > spacings_ns.sum() and not is_catching_up and (not is_stamped or is_stamped_on_arrival(spacings_ns, steps)):
+        if (
+            2.0 * in_rhythm_ns > spacings_ns.sum()
+            and not is_catching_up
+            and (not is_stamped or is_stamped_on_arrival(spacings_ns, steps))
+        ):
             self._line = ExposureLine(period_ns, max(self._steps) > 1)
 
 

@@ -1,4 +1,4 @@
-"""The studies of `gcs-sim`, `paper`, `tune` and `league`: many flights, a table, files for scripts.
+"""The studies of `gcs-sim`, `paper`, `tune`, `league` and `foretell`: many flights, a table, files for scripts.
 
 What they need is loaded when they are called: asking for help waits for no compiler.
 """
@@ -39,6 +39,7 @@ def register(app: typer.Typer) -> None:
     app.command("paper")(compare)
     app.command("tune")(tune_vehicle)
     app.command("league")(play_league)
+    app.command("foretell")(foretell_flight)
 
 
 def compare(
@@ -236,6 +237,44 @@ def play_league(
     runner.write(out, {"league.json": text + "\n", "league.html": league_page.html(results, recorded_m)}, overwrite)
     if any(result.outcome == FlightResult.LAW_FAILED for _, result in results):
         raise typer.Exit(FAILED)
+
+
+def foretell_flight(
+    log: Annotated[Path, typer.Argument(metavar="FLIGHT.MCAP", help="An imported log with a reference position.")],
+    vehicle: Annotated[
+        str | None,
+        typer.Option(
+            "--profile", help="A shipped vehicle's name or a profile's TOML file; none: identified of this log."
+        ),
+    ] = None,
+    law: Annotated[
+        str, typer.Option(metavar="LAW", help="What flew: a law's file.py or name; a control preset: what it would do.")
+    ] = "default",
+    as_json: Json = False,
+) -> None:
+    """Fly a recorded flight's reference with its vehicle and law, put flown and foretold side by side, and say within
+    what the simulator is to be trusted."""
+    from analysis.identify.vehicle import KNOWN_WITHIN, identify
+    from analysis.load import load
+    from sim.cli.flights import fail
+    from sim.research import foretell
+    from sim.research.laws import chosen
+
+    try:
+        flight = load(log)
+        flown = identify(flight).drones if vehicle is None else ()
+        if vehicle is None and not flown:
+            fail(f"{log}: no vehicle to identify: --profile says which", NOT_RIGHT)
+        profile = flown[0].profile(KNOWN_WITHIN) if vehicle is None else vehicle_profile(vehicle)
+        found = foretell.foretell(flight, profile, chosen(law))
+    except (OSError, ValueError) as error:
+        fail(str(error), NOT_RIGHT)
+    if as_json:
+        print(found.to_json())
+        return
+    console = Console(markup=False)
+    console.print(foretell.table(found))
+    console.print(found.text, highlight=False)
 
 
 def _check_league(known: "list[tuple[Row, Result]]", runner: "Runner", console: Console, as_json: bool) -> None:

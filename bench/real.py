@@ -67,7 +67,7 @@ class Row:
         """Flown, foretold, apart, largest, in mm; delays in ms."""
         f, s = self.found.flown, self.found.foretold
         assert s is not None
-        assert self.found.apart_rms_m is not None
+        assert self.found.path_rms_m is not None
         sides = (
             f"{1e3 * side.rms_m:5.0f} (95 % {1e3 * side.p95_m:4.0f}, largest {1e3 * side.max_m:4.0f}, "
             f"{1e3 * side.delay_s:3.0f} ms)"
@@ -75,7 +75,8 @@ class Row:
         )
         return (
             f"{self.name:20s} {self.rep:3d} {self.found.seconds:5.1f} s {self.found.speed_m_s:4.1f} m/s: "
-            f"flown, foretold {', '.join(sides)}, {self.found.off_share:+4.0%}, apart {1e3 * self.found.apart_rms_m:4.0f}"
+            f"flown, foretold {', '.join(sides)}, {self.found.off_share:+4.0%}, "
+            f"paths {1e3 * self.found.path_rms_m:4.0f}"
         )
 
 
@@ -125,12 +126,12 @@ def judged(title: str, rows: Sequence[Row]) -> Iterator[str]:
         for of in by_name.values()
         if len(of) > 1
     ]
-    apart_mm = 1e3 * np.median([row.found.apart_rms_m for row in rows])
+    path_mm = 1e3 * np.median([row.found.path_rms_m for row in rows])
     yield (
-        f"{title}: {int((np.abs(off) <= WITHIN).sum())} of {len(rows)} within {WITHIN:.0%}; foretold over flown, median "
-        f"{np.median(off):+.0%}, from {off.min():+.0%} to {off.max():+.0%}; paths {apart_mm:.0f} mm apart\n"
-        f"  rank correlation of {len(mean)} figures at their speeds {rank:.2f}; the flown repetitions differ by "
-        f"{np.median(spread):.0%} (median), {max(spread):.0%} at most"
+        f"{title}: {int((np.abs(off) <= WITHIN).sum())} of {len(rows)} within {WITHIN:.0%}; foretold over flown, "
+        f"median {np.median(off):+.0%}, from {off.min():+.0%} to {off.max():+.0%}\n"
+        f"  paths {path_mm:.0f} mm from each other; rank correlation of {len(mean)} figures and speeds {rank:.2f}\n"
+        f"  the flown repetitions differ by {np.median(spread):.0%} (median), {max(spread):.0%} at most"
     )
     for slow, fast in pairwise(("slow", "medium", "fast")):
         pairs = [

@@ -240,7 +240,7 @@ def play_league(
 
 
 def foretell_flight(
-    log: Annotated[Path, typer.Argument(metavar="FLIGHT.MCAP", help="An imported log with a reference position.")],
+    source: Annotated[Path, typer.Argument(metavar="FLIGHT.MCAP", help="An imported log with a reference position.")],
     vehicle: Annotated[
         str | None,
         typer.Option(
@@ -261,10 +261,10 @@ def foretell_flight(
     from sim.research.laws import chosen
 
     try:
-        flight = load(log)
+        flight = load(source)
         flown = identify(flight).drones if vehicle is None else ()
         if vehicle is None and not flown:
-            fail(f"{log}: no vehicle to identify: --profile says which", NOT_RIGHT)
+            fail(f"{source}: no vehicle to identify: --profile says which", NOT_RIGHT)
         profile = flown[0].profile(KNOWN_WITHIN) if vehicle is None else vehicle_profile(vehicle)
         found = foretell.foretell(flight, profile, chosen(law))
     except (OSError, ValueError) as error:

@@ -7,8 +7,7 @@ the same vehicle. Flown and foretold are judged over the same seconds of the sam
 
 import json
 from collections import deque
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -33,7 +32,7 @@ from sim.research.whatif import spectrum
 from sim.scenario import LinkModel, Pose, Scenario, TrueVehicle
 from sim.world import T0_NS
 
-SYSID, BESIDE_M, ROOM_M = 2, (0.0, -2.0, 0.0), 5.0
+SYSID, BESIDE_M, MARGIN_M = 2, (0.0, -2.0, 0.0), 5.0
 TICK_S = 0.01
 """Position control of a Crazyflie, and about that of PX4."""
 HOVERED_S = 5.0
@@ -76,7 +75,7 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class Foretold:
-    """One flight, flown and foretold. apart_rms_m: of the foretold path from the flown one; speed_m_s: 95 % of
+    """One flight, flown and foretold. path_rms_m: of the foretold path from the flown one; speed_m_s: 95 % of
     the reference; builtin_rms_m: how far a preset of ours holds a slot on that path, in the place of `foretold`."""
 
     body: str
@@ -88,9 +87,8 @@ class Foretold:
     noise_m: float
     flown: Errors
     foretold: Errors | None = None
-    apart_rms_m: float | None = None
+    path_rms_m: float | None = None
     builtin_rms_m: float | None = None
-    path_lab_m: Float | None = field(default=None, repr=False, compare=False)
 
     @property
     def off_share(self) -> float | None:
@@ -100,17 +98,16 @@ class Foretold:
     @property
     def text(self) -> str:
         """Within what the simulator is to be trusted, in one line."""
-        if self.foretold is None or self.off_share is None or self.apart_rms_m is None:
+        if self.foretold is None or self.off_share is None or self.path_rms_m is None:
             return f"{self.law} would hold its slot within {1e3 * (self.builtin_rms_m or np.nan):.1f} mm RMS, simulated"
         return (
-            f"trust the simulator within {abs(self.off_share):.0%} of the error and {1e3 * self.apart_rms_m:.0f} mm of "
+            f"trust the simulator within {abs(self.off_share):.0%} of the error and {1e3 * self.path_rms_m:.0f} mm of "
             f"the path (RMS) for {self.vehicle} under {self.law} up to {self.speed_m_s:.1f} m/s"
         )
 
     def to_json(self) -> str:
         """All numbers, SI."""
-        values = {k: v for k, v in asdict(self).items() if k != "path_lab_m"}
-        return json.dumps(values | {"off_share": self.off_share, "text": self.text}, indent=2, allow_nan=False)
+        return json.dumps(asdict(self) | {"off_share": self.off_share, "text": self.text}, indent=2, allow_nan=False)
 
 
 def table(found: Foretold) -> Table:
@@ -189,19 +186,13 @@ def foretell(flight: Flight, profile: VehicleProfile, law: ChosenLaw, seed: int 
         seconds=float(judged.sum() * TICK_S), late_s=course.late_s, noise_m=course.noise_m,
         flown=errors(course, course.flown_lab_m, judged),
     )  # fmt: skip
-    known: Mapping[str, object]
     if law.is_preset:
         _, flown = fly(scenario_along(profile, course, law), seed)
-        known = {"builtin_rms_m": summarise(flown).formation_rms_m}
-    else:
-        path = fly_on_board(course, profile, law.maker()(), seed)
-        apart = np.linalg.norm(path - course.flown_lab_m, axis=1)[judged]
-        known = {
-            "foretold": errors(course, path, judged), "apart_rms_m": float(np.sqrt(np.mean(apart**2))),
-            "path_lab_m": path,
-        }  # fmt: skip
-    values = {name: getattr(result, name) for name in Foretold.__dataclass_fields__}
-    return Foretold(**(values | known))
+        return replace(result, builtin_rms_m=summarise(flown).formation_rms_m)
+    path = fly_on_board(course, profile, law.maker()(), seed).pos_lab_m
+    between_m = np.linalg.norm(path - course.flown_lab_m, axis=1)[judged]
+    path_rms_m = float(np.sqrt(np.mean(between_m**2)))
+    return replace(result, foretold=errors(course, path, judged), path_rms_m=path_rms_m)
 
 
 def errors(course: Course, path_lab_m: Float, judged: Float) -> Errors:
@@ -209,14 +200,14 @@ def errors(course: Course, path_lab_m: Float, judged: Float) -> Errors:
     error_m = (path_lab_m - course.pos_lab_m)[judged]
     distance_m = np.linalg.norm(error_m, axis=1)
     delays_s = np.arange(0.0, DELAY_MOST_S, TICK_S)
-    missed = [np.mean(np.square(path_lab_m[judged] - _delayed(course, judged, delay_s))) for delay_s in delays_s]
+    squares = [np.mean(np.square(path_lab_m[judged] - _delayed(course, judged, delay_s))) for delay_s in delays_s]
     hz, power = spectrum(course.t_s[judged], error_m)
     mean_square = np.mean(np.square(error_m).sum(axis=1)) / power.sum() if power.sum() > 0.0 else 0.0
     return Errors(
         rms_m=float(np.sqrt(np.mean(distance_m**2))),
         p95_m=float(np.percentile(distance_m, 95.0)),
         max_m=float(distance_m.max()),
-        delay_s=float(delays_s[int(np.argmin(missed))]),
+        delay_s=float(delays_s[int(np.argmin(squares))]),
         band_rms_m=tuple(
             float(np.sqrt(mean_square * power[(low <= hz) & (hz < high)].sum())) for low, high in pairwise(BANDS_HZ)
         ),
@@ -228,8 +219,18 @@ def _delayed(course: Course, judged: Float, delay_s: float) -> Float:
     return np.stack([np.interp(at_s, course.t_s, axis) for axis in course.pos_lab_m.T], axis=1)
 
 
-def fly_on_board(course: Course, profile: VehicleProfile, law: ControlLaw, seed: int) -> Float:
-    """Where the vehicle is at the course's times (T, 3), under a law that flies on board.
+@dataclass(frozen=True, slots=True, eq=False)
+class OnBoard:
+    """At the course's times: position (T, 3) and attitude (T, 4) flown, attitude (T, 4) and thrust (T,) commanded."""
+
+    pos_lab_m: Float
+    q_lab_from_flu: Float
+    commanded_q_lab_from_flu: Float
+    thrust_norm: Float
+
+
+def fly_on_board(course: Course, profile: VehicleProfile, law: ControlLaw, seed: int) -> OnBoard:
+    """What the vehicle does under a law that flies on board.
 
     The law's thrust goes out by the law's own `full_thrust_m_s2`, where it has one, else as the profile says.
     """
@@ -241,11 +242,12 @@ def fly_on_board(course: Course, profile: VehicleProfile, law: ControlLaw, seed:
     vehicles.flown["x"][0, 13:17] = 0.25 * profile.weight_n
     hovered, late = round(HOVERED_S / TICK_S), round(course.late_s / TICK_S)
     shown_m = deque([course.pos_lab_m[0]] * (late + 1), maxlen=late + 1)
-    still, none, path = np.zeros(3), np.zeros((1, 3)), np.empty_like(course.pos_lab_m)
-    for tick in range(-hovered, len(path)):
+    count, still, none = len(course.t_s), np.zeros(3), np.zeros((1, 3))
+    flown = OnBoard(*(np.empty((count, *width)) for width in ((3,), (4,), (4,), ())))
+    for tick in range(-hovered, count):
         k, now_ns = max(tick, 0), T0_NS + round((tick + hovered) * TICK_S * 1e9)
         x = vehicles.states_at(now_ns)[vehicles.bodies[0], 1:]
-        path[k] = x[0:3]
+        flown.pos_lab_m[k], flown.q_lab_from_flu[k] = x[0:3], x[6:10]
         shown_m.append(x[0:3] + course.noise_m * rng.standard_normal(3))
         heading_rad = float(course.heading_rad[k])
         slot = PointMotion(course.pos_lab_m[k], course.vel_lab_m_s[k] if tick >= 0 else still, still)
@@ -262,9 +264,10 @@ def fly_on_board(course: Course, profile: VehicleProfile, law: ControlLaw, seed:
         )
         q = frames.multiply(_tilted(force_m_s2 / max(asked_m_s2, 1e-9)), frames.from_yaw(np.array(heading_rad)))
         thrust = np.array([min(thrust_norm, 1.0)])
+        flown.commanded_q_lab_from_flu[k], flown.thrust_norm[k] = q, thrust[0]
         vehicles.order(AttitudeTarget(now_ns, q[None], none, thrust, np.zeros(1), np.zeros(1, np.bool_)), now_ns)
         vehicles.drain(TICK_S)
-    return path
+    return flown
 
 
 def _tilted(up: Float) -> Float:
@@ -283,7 +286,7 @@ def scenario_along(profile: VehicleProfile, course: Course, law: ChosenLaw | Non
         points = tuple(
             (t, px, py, pz, 0.0) for t, (px, py, pz) in zip(since_s.tolist(), course.pos_lab_m.tolist(), strict=True)
         )
-    low, high = course.pos_lab_m.min(axis=0) - ROOM_M, course.pos_lab_m.max(axis=0) + ROOM_M
+    low, high = course.pos_lab_m.min(axis=0) - MARGIN_M, course.pos_lab_m.max(axis=0) + MARGIN_M
     limits = LimitsConfig(fence=Fence(low_m=(float(low[0]), float(low[1]), -0.1), high_m=tuple(high.tolist())))
     trajectory = TrajectoryConfig(kind="file", points=points) if points else TrajectoryConfig()
     lab = LabConfig(

@@ -153,7 +153,7 @@ def here(given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "sim.research.whatif_page.html": lambda *_: "",
         "sim.research.whatif_page.print_what_if": lambda *_: None,
         "analysis.report.html": lambda *_: "",
-        "analysis.identify.vehicle.identify": lambda _flight: identified,
+        "analysis.identify.vehicle.identify": lambda *_: identified,
         "analysis.identify.report.print_identification": lambda *_: None,
     }
     for name, does in played.items():

@@ -13,6 +13,8 @@ from drone_agent.guard.failsafe import LinkMonitor
 from formation.messages import Severity
 from wire.autopilots.table import FlightMode
 
+_IDLE_NORM, _IDLE_NS = 0.01, 8_000_000_000
+"""Who does not know whether it climbs has landed after so long without thrust: PX4's MulticopterLandDetector."""
 _ON_POSITION = (Task.HOLD, Task.TAKEOFF, Task.RETURN, Task.LAND)
 
 
@@ -27,6 +29,7 @@ class Failsafes:
         self._battery_low_reported = self._battery_acted = False
         self._contact = ContactDetector(autopilot.configured.drag_n_s_m[2] / autopilot.configured.mass_kg)
         self._tilted_ns: int | None = None
+        self._idle_since_ns = 0
 
     def ground_seen(self, now_ns: int) -> None:
         """A ground station's heartbeat came."""
@@ -100,9 +103,11 @@ class Failsafes:
             * configured.thrust_n_of(pilot.vehicle.setpoint.thrust_norm)
             / configured.weight_n
         )
-        down = pilot.piloted and pilot.pilot.faded
+        if pilot.estimator.valid(now_ns) or pilot.vehicle.setpoint.thrust_norm > _IDLE_NORM:
+            self._idle_since_ns = now_ns
+        faded = (pilot.piloted and pilot.pilot.faded) or now_ns - self._idle_since_ns >= _IDLE_NS
         if not pilot.detector.update(
-            now_ns, thrust, belief.pos_lab_m[2], vz, hypot(vx, vy), carried=pilot.carried, faded=down
+            now_ns, thrust, belief.pos_lab_m[2], vz, hypot(vx, vy), carried=pilot.carried, faded=faded
         ):
             return
         if pilot.landed:

@@ -111,8 +111,11 @@ def coast(body: Body, until_ns: int, bank: Bank, i: int) -> None:
 
 @kernel
 def begin(body: Body, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> None:
-    """Starts the estimate at a pose, its velocity unknown; what is learned slowly stays, as uncertain as at first."""
+    """Starts the estimate at a pose, its velocity unknown; what was learned slowly stays, as uncertain as it was."""
     x = body.estimate
+    learned = np.empty(ERRORS)
+    for k in range(ERRORS):
+        learned[k] = x.cov[k, k]
     x.t_ns = t_ns
     copy_into(pos_lab_m, x.pos_lab_m)
     x.vel_lab_m_s[:] = 0.0
@@ -122,10 +125,10 @@ def begin(body: Body, t_ns: int, pos_lab_m: Float, q_lab_from_flu: Float) -> Non
         x.cov[POS + i, POS + i] = body.noise.source[POSE_POSITION]
         x.cov[VEL + i, VEL + i] = FIRST_VEL_M_S * FIRST_VEL_M_S
         x.cov[ATT + i, ATT + i] = body.noise.source[POSE_ATTITUDE]
-        x.cov[BIAS + i, BIAS + i] = FIRST_BIAS_M_S2 * FIRST_BIAS_M_S2
-        x.cov[LEVEL + i, LEVEL + i] = FIRST_LEVEL_RAD * FIRST_LEVEL_RAD
-    x.cov[SCALE, SCALE] = FIRST_SCALE * FIRST_SCALE
-    x.cov[DELAY, DELAY] = FIRST_DELAY_S * FIRST_DELAY_S
+        x.cov[BIAS + i, BIAS + i] = learned[BIAS + i] or FIRST_BIAS_M_S2 * FIRST_BIAS_M_S2
+        x.cov[LEVEL + i, LEVEL + i] = learned[LEVEL + i] or FIRST_LEVEL_RAD * FIRST_LEVEL_RAD
+    x.cov[SCALE, SCALE] = learned[SCALE] or FIRST_SCALE * FIRST_SCALE
+    x.cov[DELAY, DELAY] = learned[DELAY] or FIRST_DELAY_S * FIRST_DELAY_S
     x.cov[STAMP, STAMP] = STAMP_SCATTER_S * STAMP_SCATTER_S
     status = body.status
     status.begun, status.timed, status.rejecting_ns, status.consistent_ns = True, False, 0, 0

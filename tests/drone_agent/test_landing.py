@@ -77,6 +77,19 @@ def test_a_landing_ends_though_its_estimate_says_that_it_sinks(error_m_s: float)
     assert impact < 1.5
 
 
+def test_who_does_not_know_whether_it_climbs_has_landed_after_eight_seconds_without_thrust() -> None:
+    """As PX4's MulticopterLandDetector has it: a guard that let it down without poses was refused for ever."""
+    harness = Harness(pose="mocap")
+    harness.fly_offboard(0.3)
+    harness.run(0.1, idle, mocap=False)
+    harness.autopilot.estimator._x[ekf.VEL + 2] = -0.8
+    harness.run(12.5, idle, mocap=False)  # EKF2_NOAID_TOUT of them
+    assert harness.truth.on_ground
+    assert harness.autopilot.armed
+    harness.run(1.0 + OWN_DELAY_S["px4"], idle, mocap=False)
+    assert not harness.autopilot.armed
+
+
 def test_the_floor_is_felt_by_thrust_and_accelerometer_alone() -> None:
     """Hand computed: at rest 9.8 m/s^2 are felt; with 0.8 of them as thrust the floor gives the rest."""
     contact = ContactDetector()

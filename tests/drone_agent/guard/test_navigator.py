@@ -101,6 +101,23 @@ def test_dead_reckoning_drifts_as_computed_by_hand() -> None:
     assert said == pytest.approx(np.sqrt(np.mean(np.sum(pos**2, axis=1))), rel=0.35)
 
 
+def test_an_estimate_that_begins_anew_on_the_floor_knows_its_bias_as_well_as_before() -> None:
+    """Else late poses in a take-off, which show less of the climb than there is, teach what is missing as a bias: it
+    learned 0.7 m/s^2 in 0.2 s, and came down upwards."""
+    nav, level = Navigator(), np.array([[1.0, 0.0, 0.0, 0.0]])
+    force, rate = np.array([[0.0, 0.0, G + 0.1]]), np.zeros((1, 3))
+    for k in range(1, 341):
+        t_ns, missed_s = np.array([k * 10 * MS]), max(0.01 * k - 3.2, 0.0)
+        if k == 320:
+            nav.bodies[0].status.rejecting_ns = int(t_ns[0])
+        if k <= 320:
+            nav.reset_checks(0)
+        nav.receive_imu(ONE, t_ns, force, rate)
+        noise = 3e-4 * np.random.default_rng(k).standard_normal(3)
+        nav.receive_pose(ONE, t_ns, (noise - [0.0, 0.0, 0.5 * 0.7 * missed_s**2])[None], level)
+    assert nav.bodies[0].estimate.accel_bias_flu_m_s2[2] == pytest.approx(0.1, abs=0.1)
+
+
 def test_an_attitude_may_come_before_the_sample_of_its_time() -> None:
     """A body that turns by several rad/s: its rate until then is in that sample, not in the one before."""
     flight = Flight(n=4, seed=3, vel_m_s=0.4, band_hz=(2.0, 3.0))

@@ -166,7 +166,7 @@ class Retiming:
         spacings_ns, steps = np.array(self._spacings_ns, float), np.array(self._steps)
         period_ns = usual_period_ns(spacings_ns / steps)
         is_catching_up = spacings_ns[-1] < CAUGHT_UP * period_ns
-        # A rhythm fills most of the time that has passed; frames that waited together, as for a process to begin, do not.
+        # A rhythm fills most of the time that has passed. Frames that waited together, for a process to begin, do not.
         periods = spacings_ns / (period_ns * steps)
         in_rhythm_ns = spacings_ns[(periods > CAUGHT_UP) & (periods < GAP)].sum()
         if (

@@ -100,7 +100,7 @@ def test_true_stamps_are_left_as_they_are() -> None:
 @pytest.mark.parametrize("is_stamped", [True, False])
 @pytest.mark.parametrize("waited", [60, 100, 120, 180])
 def test_frames_that_waited_for_a_process_to_begin_are_no_rhythm(waited: int, is_stamped: bool) -> None:
-    """Their spacings are those of a loop that hands them on: for good, every frame would be exposed at its beginning."""
+    """Their spacings are those of a loop that hands them on: every later frame was exposed at the beginning."""
     for seed in range(20):
         handed_on_ns = np.random.default_rng(seed).lognormal(7.3, 0.8, waited)
         stamps_ns = np.cumsum(np.append(handed_on_ns, np.full(600, 20_000_000))).astype(np.int64).tolist()

@@ -18,6 +18,7 @@ import numpy as np
 import typer
 from scipy.stats import spearmanr
 
+from analysis.identify.response import Response
 from analysis.identify.vehicle import KNOWN_WITHIN, Identified, identify
 from analysis.imports.cli import import_files
 from analysis.load import Flight, load
@@ -83,7 +84,8 @@ class Row:
 def flight_of(folder: Path, name: str, rep: int, scratch: Path) -> Flight:
     """One recording, imported."""
     out = scratch / f"{name}_{rep}.mcap"
-    import_files([folder / f"{name}_rep{rep}.csv"], out, None, lambda _text: None)
+    if not out.exists():
+        import_files([folder / f"{name}_rep{rep}.csv"], out, None, lambda _text: None)
     return load(out)
 
 
@@ -108,7 +110,6 @@ def foretold(
         for rep in reps:
             flight = flight_of(folder, name, rep, scratch)
             rows.append(Row(name, rep, foretell(flight, vehicle, chosen(str(LAWS / law)))))
-            typer.echo(rows[-1].text)
     return rows
 
 
@@ -153,10 +154,17 @@ def main(folder: Annotated[Path, typer.Argument(help="`datasets/dataset` of syed
         ]  # fmt: skip
         vehicle = pooled(drones, "nanobench_cf")
         typer.echo(dump_profile(vehicle))
-        pid = foretold(folder, FORETOLD_PID, vehicle, "crazyflie_pid.py", scratch)
-        mellinger = foretold(folder, FORETOLD_MELLINGER, vehicle, "crazyflie_mellinger.py", scratch)
-    for line in (*judged("PID", pid), *judged("Mellinger", mellinger)):
-        typer.echo(line)
+        shares = [drone.response.tilt_share for drone in drones if isinstance(drone.response, Response)]
+        typer.echo(f"flown of a commanded tilt: {', '.join(f'{share.value:.3f}' for share in shares)}")
+        for title, flights, law in (("PID", FORETOLD_PID, "crazyflie_pid.py"),
+                                    ("Mellinger", FORETOLD_MELLINGER, "crazyflie_mellinger.py")):  # fmt: skip
+            for of, body in (("identified", vehicle), (BASE, profile(BASE))):
+                rows = foretold(folder, flights, body, law, scratch)
+                typer.echo("\n".join((*(row.text for row in rows), *judged(f"{title}, {of}", rows))))
+        for figure, reps in FITTED.items():
+            found = foretell(flight_of(folder, figure, reps[0], scratch), vehicle, chosen("default"))
+            flown_mm = 1e3 * found.flown.rms_m
+            typer.echo(f"{figure} {found.speed_m_s:.1f} m/s, flown {flown_mm:.0f} mm: {found.text}")
 
 
 if __name__ == "__main__":

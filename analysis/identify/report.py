@@ -57,6 +57,7 @@ def drone_lines(drone: Identified) -> Iterator[Line]:
         yield Line("attitude_p_1_s", "attitude gain", r.attitude_p_1_s, base.attitude_p_1_s, 1.0, "1/s", by)
         yield Line("rate_p_1_s", "rate gain", r.rate_p_1_s, base.rate_p_1_s, 1.0, "1/s", by)
         yield Line("motor_lag_s", "motor lag", r.motor_lag_s, base.motor_lag_s, 1e3, "ms", by)
+        yield Line("tilt_share", "tilt, of that commanded", r.tilt_share, 1.0, by=by)
         yield Line("rate_lead", "takes body rates", r.rate_lead, float(base.rate_feed_forward), by=by)
     if isinstance(drone.thrust, Thrust):
         t, by = drone.thrust, "thrust commanded, height"

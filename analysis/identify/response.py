@@ -14,8 +14,20 @@ import numpy as np
 from scipy.optimize import curve_fit, least_squares
 from scipy.signal import cont2discrete, lfilter
 
-from analysis.identify.signals import GRID_S, Estimate, Seen, Sent, covariance, grid, held, propagated, tilt_of, turn_of
-from formation.maths.arrays import Float
+from analysis.identify.signals import (
+    GRID_S,
+    Estimate,
+    Seen,
+    Sent,
+    about,
+    covariance,
+    grid,
+    held,
+    propagated,
+    tilt_of,
+    turn_of,
+)
+from formation.maths.arrays import Bool, Float
 
 START = np.array([np.log(10.0), np.log(40.0), np.log(0.025), 0.02, 0.0, 0.0, 0.0])
 LOWEST = np.array([np.log(1.0), np.log(4.0), np.log(0.002), 0.0, -0.5, -0.2, -0.2])
@@ -31,6 +43,7 @@ class Response:
 
     dead_time_s, lag_s: what the controller assumes; the other four: the fitted loop.
     rate_lead: how much of the body rates' lead the autopilot takes, 1 all, 0 none; None where none was sent.
+    tilt_share: of a commanded tilt, what is flown for good, by a fit of its own; no profile has a number for it.
     """
 
     dead_time_s: Estimate
@@ -40,6 +53,7 @@ class Response:
     motor_lag_s: Estimate
     delay_s: Estimate
     rate_lead: Estimate | None
+    tilt_share: Estimate
 
 
 def fit(of: Sent, saw: Seen) -> Response | str:
@@ -63,8 +77,27 @@ def fit(of: Sent, saw: Seen) -> Response | str:
     cov[np.ix_(free, free)] = covariance(np.asarray(found.jac), found.fun, np.tile(saw.t_s, 2))
     best = START.copy()
     best[free] = found.x
+    share = _tilt_share(np.clip(best, LOWEST + 1e-6, HIGHEST - 1e-6), free, inputs, at_s, saw)
     dead, lag, p, r, motor, delay, lead = propagated(_meant, best, cov)
-    return Response(dead, lag, p, r, motor, delay, lead if free[RATES] else None)
+    return Response(dead, lag, p, r, motor, delay, lead if free[RATES] else None, share)
+
+
+def _tilt_share(start: Float, free: Bool, inputs: Float, at_s: Float, saw: Seen) -> Estimate:
+    """The loop fitted once more, with that share free beside it."""
+
+    def residual(parameters: Float) -> Float:
+        every = start.copy()
+        every[free] = parameters[:-1]
+        trimmed = _modelled(every, inputs, at_s, saw)
+        every[5:] = 0.0
+        missing = (1.0 - parameters[-1]) * _modelled(every, inputs, at_s, saw)
+        residuals: Float = (saw.tilt - trimmed + missing).T.ravel()
+        return residuals
+
+    bounds = np.append(LOWEST[free], 0.2), np.append(HIGHEST[free], 2.0)
+    found = least_squares(residual, np.append(start[free], 1.0), bounds=bounds, x_scale=np.append(SCALE[free], 0.1))
+    cov = covariance(np.asarray(found.jac), found.fun, np.tile(saw.t_s, 2))
+    return about(float(found.x[-1]), float(np.sqrt(cov[-1, -1])))
 
 
 def _inputs(of: Sent, until_s: float) -> tuple[Float, Float]:

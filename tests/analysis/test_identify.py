@@ -76,13 +76,19 @@ def test_a_cascaded_loop_is_found_again(p: float, r: float, motor_s: float, dela
     noisy += 0.001 * rng.standard_normal(noisy.shape)
     flat = np.zeros(len(looked_s))
     saw = Seen(looked_s, flat, noisy, flat + 1.0, flat, noisy)
-    found = response.fit(Sent(t_s, level(np.sin(tilt)), np.zeros((len(t_s), 3)), np.full(len(t_s), 0.5)), saw)
+    of = Sent(t_s, level(np.sin(tilt)), np.zeros((len(t_s), 3)), np.full(len(t_s), 0.5))
+    found = response.fit(of, saw)
     assert isinstance(found, Response)
     assert covers(found.attitude_p_1_s, p)
     assert covers(found.rate_p_1_s, r)
     assert covers(found.motor_lag_s, motor_s)
     assert found.delay_s.value == pytest.approx(delay_s, abs=0.001)
     assert found.rate_lead is None
+    assert covers(found.tilt_share, 1.0)
+    reached = replace(saw, tilt=0.8 * saw.tilt)
+    less = response.fit(of, reached)
+    assert isinstance(less, Response)
+    assert less.tilt_share.value == pytest.approx(0.8, abs=0.03)
 
 
 def test_a_first_order_response_is_its_own_nearest():

@@ -162,9 +162,10 @@ def main(folder: Annotated[Path, typer.Argument(help="`datasets/dataset` of syed
                 rows = foretold(folder, flights, body, law, scratch)
                 typer.echo("\n".join((*(row.text for row in rows), *judged(f"{title}, {of}", rows))))
         for figure, reps in FITTED.items():
-            found = foretell(flight_of(folder, figure, reps[0], scratch), vehicle, chosen("default"))
-            flown_mm = 1e3 * found.flown.rms_m
-            typer.echo(f"{figure} {found.speed_m_s:.1f} m/s, flown {flown_mm:.0f} mm: {found.text}")
+            flight = flight_of(folder, figure, reps[0], scratch)
+            for body in (vehicle, profile(BASE)):
+                found = foretell(flight, body, chosen("default"))
+                typer.echo(f"{figure}, {found.speed_m_s:.1f} m/s, flown {1e3 * found.flown.rms_m:.0f} mm: {found.text}")
 
 
 if __name__ == "__main__":

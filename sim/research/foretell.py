@@ -12,11 +12,13 @@ from itertools import pairwise
 
 import numpy as np
 from rich.table import Table
+from scipy.ndimage import gaussian_filter1d
 
 from analysis.identify import sensing
 from analysis.identify.signals import Estimate
 from analysis.load import Flight
 from analysis.metrics import summarise
+from formation.codes import FlightResult
 from formation.config import Fence, FlightConfig, FollowerConfig, LabConfig, LeaderConfig, LimitsConfig
 from formation.maths import frames
 from formation.maths.arrays import Float
@@ -75,8 +77,10 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class Foretold:
-    """One flight, flown and foretold. path_rms_m: of the foretold path from the flown one; speed_m_s: 95 % of
-    the reference; builtin_rms_m: how far a preset of ours holds a slot on that path, in the place of `foretold`."""
+    """One flight, flown and foretold. path_rms_m: of the foretold path from the flown one; speed_m_s: 95 % of the
+    reference's are below it. builtin: how a preset of ours ends, in the place of `foretold`, and its RMS from its
+    slot.
+    """
 
     body: str
     law: str
@@ -88,6 +92,7 @@ class Foretold:
     flown: Errors
     foretold: Errors | None = None
     path_rms_m: float | None = None
+    builtin: FlightResult | None = None
     builtin_rms_m: float | None = None
 
     @property
@@ -99,7 +104,9 @@ class Foretold:
     def text(self) -> str:
         """Within what the simulator is to be trusted, in one line."""
         if self.foretold is None or self.off_share is None or self.path_rms_m is None:
-            return f"{self.law} would hold its slot within {1e3 * (self.builtin_rms_m or np.nan):.1f} mm RMS, simulated"
+            if self.builtin_rms_m is None:
+                return f"{self.law} does not fly {self.vehicle} along this reference to its end: {self.builtin}"
+            return f"{self.law} would hold its slot within {1e3 * self.builtin_rms_m:.1f} mm RMS, simulated"
         return (
             f"trust the simulator within {abs(self.off_share):.0%} of the error and {1e3 * self.path_rms_m:.0f} mm of "
             f"the path (RMS) for {self.vehicle} under {self.law} up to {self.speed_m_s:.1f} m/s"
@@ -187,8 +194,9 @@ def foretell(flight: Flight, profile: VehicleProfile, law: ChosenLaw, seed: int 
         flown=errors(course, course.flown_lab_m, judged),
     )  # fmt: skip
     if law.is_preset:
-        _, flown = fly(scenario_along(profile, course, law), seed)
-        return replace(result, builtin_rms_m=summarise(flown).formation_rms_m)
+        outcome, flown = fly(scenario_along(profile, course, law), seed)
+        rms_m = summarise(flown).formation_rms_m if outcome is FlightResult.HELD else None
+        return replace(result, builtin=outcome, builtin_rms_m=rms_m)
     path = fly_on_board(course, profile, law.maker()(), seed).pos_lab_m
     between_m = np.linalg.norm(path - course.flown_lab_m, axis=1)[judged]
     path_rms_m = float(np.sqrt(np.mean(between_m**2)))
@@ -282,10 +290,12 @@ def scenario_along(profile: VehicleProfile, course: Course, law: ChosenLaw | Non
     points: tuple[tuple[float, float, float, float, float], ...] = ()
     x, y, z = course.pos_lab_m[0].tolist()
     if law is not None:
+        # Begun from rest, it shows half of SETTLED_S in SETTLED_S. Smoothed: stamps of a recorder jitter.
         since_s = course.t_s - course.t_s[0]
-        points = tuple(
-            (t, px, py, pz, 0.0) for t, (px, py, pz) in zip(since_s.tolist(), course.pos_lab_m.tolist(), strict=True)
-        )
+        eased_s = np.sqrt(2.0 * SETTLED_S * since_s)
+        since_s = np.where(eased_s < SETTLED_S, eased_s, since_s + 0.5 * SETTLED_S)
+        smooth_m = gaussian_filter1d(course.pos_lab_m, OVER, axis=0)
+        points = tuple((t, *at, 0.0) for t, at in zip(since_s.tolist(), smooth_m.tolist(), strict=True))
     low, high = course.pos_lab_m.min(axis=0) - MARGIN_M, course.pos_lab_m.max(axis=0) + MARGIN_M
     limits = LimitsConfig(fence=Fence(low_m=(float(low[0]), float(low[1]), -0.1), high_m=tuple(high.tolist())))
     trajectory = TrajectoryConfig(kind="file", points=points) if points else TrajectoryConfig()

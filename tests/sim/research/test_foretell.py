@@ -83,7 +83,12 @@ def test_from_an_empty_folder_to_a_foretold_flight_in_four_commands(tmp_path: Pa
     assert found["path_rms_m"] < 0.1 * found["flown"]["rms_m"]
     assert found["foretold"]["delay_s"] == pytest.approx(found["flown"]["delay_s"], abs=0.03)
     assert "trust the simulator within" in run(sim_app, "foretell", log, "--profile", profile, "--law", law).output
-    assert "would hold its slot within" in run(sim_app, "foretell", log, "--profile", profile).output
+    own = json.loads(run(sim_app, "foretell", log, "--profile", profile, "--json").output)
+    assert own["builtin"] == "held"
+    assert own["builtin_rms_m"] < 0.1 * own["flown"]["rms_m"]
+    heavy = tmp_path / "heavy.toml"
+    heavy.write_text(profile.read_text().replace("mass_kg = 0.027", "mass_kg = 0.04"))
+    assert "does not fly" in run(sim_app, "foretell", log, "--profile", heavy).output
 
 
 @pytest.mark.parametrize(

@@ -90,7 +90,7 @@ def flight_of(folder: Path, name: str, rep: int, scratch: Path) -> Flight:
 
 
 def pooled(found: Sequence[Identified], name: str) -> VehicleProfile:
-    """One vehicle of several flights: of each figure the median of the flights in which it is known."""
+    """One vehicle of several flights: the median of each figure that is known, and of the hover thrust."""
     base, update = found[0].base, dict[str, Any]({"name": name})
     profiles = [
         (set(VehicleProfile.model_fields) - set(drone.unchanged()), drone.profile(KNOWN_WITHIN)) for drone in found
@@ -98,7 +98,10 @@ def pooled(found: Sequence[Identified], name: str) -> VehicleProfile:
     for key in set().union(*(known for known, _ in profiles)) - {"name"}:
         values = np.array([getattr(profile, key) for known, profile in profiles if key in known])
         update[key] = np.median(values, axis=0).tolist()
-    return base.model_copy(update=update)
+    mean = base.model_copy(update=update)
+    hover = float(np.median([profile.hover_thrust_norm for _, profile in profiles]))  # curve and full thrust make it
+    full_n = mean.weight_n * mean.thrust_max_n / mean.thrust_n_of(hover)
+    return mean.model_copy(update={"thrust_max_n": full_n})
 
 
 def foretold(

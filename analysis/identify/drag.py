@@ -32,8 +32,10 @@ class Drag:
 def fit(saw: Seen) -> Drag | str:
     """Drag and trim of one vehicle, or why they cannot be had from this flight."""
     rows, forces, times_s = list[list[float]](), list[float](), list[float]()
-    usual = BUMP_S / float(np.median(np.diff(saw.t_s))) if len(saw.t_s) > 1 else np.inf
-    for middle_s in np.arange(saw.t_s[0], saw.t_s[-1], SPACING_S) if usual < np.inf else ():
+    if len(saw.t_s) < LEAST:
+        return TOO_SHORT
+    usual = BUMP_S / max(float(np.median(np.diff(saw.t_s))), 1e-9)
+    for middle_s in np.arange(saw.t_s[0], saw.t_s[-1], SPACING_S):
         frames = inside(saw.t_s, middle_s)
         since_s = saw.t_s[frames] - middle_s
         if len(since_s) < 0.8 * usual:

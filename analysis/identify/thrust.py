@@ -55,7 +55,7 @@ def _windows(
 ) -> Iterator[tuple[float, ...]]:
     """(t, specific force, its regressors) of each window without gaps."""
     at_s = grid(of, float(saw.t_s[-1])) if len(saw.t_s) else of.t_s[:1]
-    if len(at_s) < 2:
+    if len(at_s) < 2 or len(saw.t_s) < 2:
         return
     sent = held(of.t_s + delay_s, of.thrust_norm, at_s)
     decay = float(np.exp(-GRID_S / motor_lag_s))

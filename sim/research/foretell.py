@@ -44,6 +44,7 @@ SETTLED_S = 3.0
 STEP_M_S, OVER = 4.0, 10
 """A reference that is faster, over so many ticks, steps: it is flown up to there, or from there on."""
 CLEAR_M, LEAST_S, DELAY_MOST_S = 0.3, 5.0, 1.5
+"""It flies higher than that above the floor; so long is judged at least; no reference is followed later."""
 BANDS_HZ = (0.0, 0.2, 0.5, 1.0, 2.0, 5.0)
 
 
@@ -147,6 +148,9 @@ def course_of(flight: Flight) -> Course:
     of = {name: signal for (body, name), signal in flight.signals.items() if body == vehicle.body}
     index, poses = flight.vehicles.index(vehicle), flight.poses
     seen = poses.seen[:, index]
+    short = f"{vehicle.body} follows no reference in the air for {SETTLED_S + LEAST_S:g} s"
+    if not seen.any() or np.ptp(poses.t_s[seen]) < SETTLED_S + LEAST_S:
+        raise RecordedError(short)
     log_late = sensing.late(flight, vehicle, sensing.logged_attitudes(flight, vehicle))
     log_late_s = -log_late.value if isinstance(log_late, Estimate) else 0.0
     t_s = np.arange(poses.t_s[seen][0], poses.t_s[seen][-1], TICK_S)
@@ -158,7 +162,7 @@ def course_of(flight: Flight) -> Course:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flies, [False]])))
     begin, end = max(edges.reshape(-1, 2).tolist(), key=lambda edge: edge[1] - edge[0], default=(0, 0))
     if (end - begin) * TICK_S < SETTLED_S + LEAST_S:
-        raise RecordedError(f"{vehicle.body} follows no reference in the air for {SETTLED_S + LEAST_S:g} s")
+        raise RecordedError(short)
     part = slice(begin, end)
     speed, heading = of.get("reference_velocity"), of.get("reference_heading")
     behind, noise = sensing.behind(flight, vehicle), sensing.scatter(poses.t_s[seen], poses.pos_lab_m[seen, index])

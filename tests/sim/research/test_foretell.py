@@ -9,14 +9,16 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from analysis.cli import app as log_app
-from analysis.load import from_records
+from analysis.identify.vehicle import identify
+from analysis.imports.cli import import_files
+from analysis.load import from_records, load
 from formation.vehicle.profile import PROFILES
 from gcs.cli.app import app as gcs_app
 from sim.cli.app import app as sim_app
 from sim.research.foretell import TICK_S, Course, course_of, errors, fly_on_board
 from sim.research.laws import ChosenLaw, chosen
 from sim.research.recorded import RecordedError
-from tests.analysis.imports.stranger import write_csv
+from tests.analysis.imports.stranger import neural_fly, write_csv
 
 LAWS = Path(__file__).parents[3] / "examples" / "laws"
 TRUE = PROFILES["crazyflie_27g"].model_copy(
@@ -113,3 +115,13 @@ def test_laws_of_others_follow_a_line_as_far_behind_as_their_gains_say(
 def test_a_log_without_a_reference_is_refused() -> None:
     with pytest.raises(RecordedError, match="no reference position"):
         course_of(from_records({}, []))
+
+
+@pytest.mark.parametrize("seconds", [0.03, 0.1, 8.0])
+def test_a_log_that_is_too_short_is_refused(tmp_path: Path, seconds: float) -> None:
+    """A pose or two give no estimate, either."""
+    log = tmp_path / "short.mcap"
+    import_files([neural_fly(tmp_path, seconds)], log, None, lambda _text: None)
+    with pytest.raises(RecordedError, match="follows no reference in the air for 8 s"):
+        course_of(load(log))
+    assert "too little uninterrupted free flight" in identify(load(log)).drones[0].untold or seconds > 1.0

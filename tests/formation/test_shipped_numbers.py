@@ -22,14 +22,14 @@ HELD = {
        ("its flight", LAB.flight), ("its leader's path", LAB.leader.trajectory))},
 }  # fmt: skip
 FINGERPRINTS = {
-    "preset default": "dce9192c7df2",
-    "preset pid_leader": "6dd65c4a8435",
+    "preset default": "3fa59ce6a284",
+    "preset pid_leader": "d81fc1000e34",
     "preset paper": "855c6d295fb7",
     "preset paper_istsmc": "fb5b7db8a0d3",
     "preset paper_smc": "5735ab54c89e",
     "preset pid": "5276d90dcfbc",
     "preset geometric": "8ee7e3e8b8f4",
-    "preset no_downwash": "fa7a12c99055",
+    "preset no_downwash": "dff06b99929c",
     "vehicle paper_40g": "1770b884a6f6",
     "vehicle paper_40g_printed": "1486635ff446",
     "vehicle px4_quad": "2ed2b7fc8b12",

@@ -1,6 +1,8 @@
 """Flights on a network that holds frames back, stamped as they arrive: a leader that walks at us, or is gone."""
 
+from collections import defaultdict, deque
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +59,7 @@ class Flight:
     """One flight behind a recorded leader, and what is asked of it; seconds count from the start of the formation.
 
     phases: each phase entered, and when. least_m: between two bodies of which two are in the air, by the drones' truth
-    and the leader as last seen.
+    and the leader as seen then.
     """
 
     scenario: Scenario
@@ -65,7 +67,7 @@ class Flight:
     events: list[str] = field(default_factory=list)
     leader_s: list[float] = field(default_factory=list)
     least_m: float = np.inf
-    _truths: dict[int, Truth] = field(default_factory=dict)
+    _truths: dict[int, deque[Truth]] = field(default_factory=lambda: defaultdict(partial(deque, maxlen=256)))
     _start_ns: int | None = None
 
     def __post_init__(self) -> None:
@@ -84,7 +86,7 @@ class Flight:
 
     def _record(self, topic: Topic, message: object, t_ns: int) -> None:
         if isinstance(message, Truth):
-            self._truths[message.sysid] = message
+            self._truths[message.sysid].append(message)
         elif topic is topics.PHASE:
             if message.phase is Phase.FORMATION and self._start_ns is None:
                 self._start_ns = t_ns
@@ -95,12 +97,17 @@ class Flight:
             self._look(message)
 
     def _look(self, frame: LabFrame) -> None:
-        at = [truth.pos_lab_m for truth in self._truths.values() if not truth.on_ground]
+        at = [self._at(path, frame.t_capture_ns) for path in self._truths.values() if not path[-1].on_ground]
         if frame.seen[0]:
             self.leader_s.append(self.t_s)
             at.append(frame.pos_lab_m[0])
         away = [np.linalg.norm(a - b) for k, a in enumerate(at) for b in at[:k]]
         self.least_m = min(self.least_m, *away)
+
+    @staticmethod
+    def _at(path: deque[Truth], t_ns: int) -> Float:
+        truth = next((truth for truth in reversed(path) if truth.t_ns <= t_ns), path[0])
+        return truth.pos_lab_m + (t_ns - truth.t_ns) * 1e-9 * truth.vel_lab_m_s
 
     def phases_after(self, t_s: float) -> list[Phase]:
         return [phase for at_s, phase in self.phases if at_s > t_s]

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -29,7 +29,7 @@ from wire.process.program import (
 from wire.text import rows
 
 if TYPE_CHECKING:
-    from drone_agent.config import SimulatedDroneConfig
+    from drone_agent.crazyflie.core import CrazyflieConfig
     from drone_agent.guard.config import GuardConfig
     from wire.process.daemon import EventSink
 
@@ -64,7 +64,11 @@ class Options:
     ] = None
     body: Annotated[str | None, typer.Option(help="The mocap's name of this drone.", autocompletion=_bodies)] = None
     bridge: Annotated[
-        str | None, typer.Option(help="Bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD.")
+        str | None,
+        typer.Option(
+            help="Bridge to a real autopilot: udp:HOST:PORT, udpin:HOST:PORT or serial:DEV:BAUD; or to a Crazyflie: "
+            "radio://DONGLE/CHANNEL/RATE/ADDRESS or udp://HOST:PORT."
+        ),
     ] = None
     link: Annotated[
         str | None, typer.Option(help="zenoh (if not given), or udp: from port 14580 + sysid to 14540 + sysid.")
@@ -139,18 +143,35 @@ def _process(drones: "list[GuardConfig]", report: "EventSink", clock: Clock) -> 
     """The process's work: a bridge or simulated drones. Only the one that it is is imported; ConfigError."""
     if any("bridge" in drone.model_fields_set for drone in drones):
         from drone_agent.bridge import BridgeConfig, run_bridge
+        from drone_agent.crazyflie.core import CrazyflieConfig
 
         match drones:
             case [BridgeConfig() as bridge]:
                 return run_bridge(bridge, report, clock)
+        crazyflies = [drone for drone in drones if isinstance(drone, CrazyflieConfig)]
+        if len(crazyflies) == len(drones):
+            return _crazyflies(crazyflies, report, clock)
         raise ConfigError(["drone-agent: bridge: a bridge is a process of its own"])
     from drone_agent.config import SimulatedDroneConfig
     from drone_agent.daemon import run
 
     agents = [drone for drone in drones if isinstance(drone, SimulatedDroneConfig)]
-    if len(agents) > 1:
-        _check_together(agents)
+    _check_together(agents)
     return run(agents, report, clock)
+
+
+def _crazyflies(configs: "list[CrazyflieConfig]", report: "EventSink", clock: Clock) -> Coroutine[Any, Any, None]:
+    """Those of one radio, which cflib drives; ConfigError where it is not installed."""
+    _check_together(configs)
+    try:
+        from drone_agent.crazyflie.bridge import run_crazyflies
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] != "cflib":
+            raise
+        raise ConfigError(
+            ["drone-agent: bridge: cflib is not here: pip install 'mavlink-formation[crazyflie]'"]
+        ) from error
+    return run_crazyflies(configs, report, clock)
 
 
 def _config(options: Options, file: Path | None) -> "GuardConfig":
@@ -173,7 +194,9 @@ def _config(options: Options, file: Path | None) -> "GuardConfig":
     if options.link is not None and isinstance(table, dict):
         values["link"] = table | {"kind": options.link}
     kind: type[GuardConfig]
-    if "bridge" in values:
+    if "://" in str(values.get("bridge", "")):
+        from drone_agent.crazyflie.core import CrazyflieConfig as kind
+    elif "bridge" in values:
         from drone_agent.bridge import BridgeConfig as kind
     else:
         from drone_agent.config import SimulatedDroneConfig as kind
@@ -209,8 +232,10 @@ def _of_lab(file: Path, body: str | None) -> dict[str, Any]:
     }
 
 
-def _check_together(agents: "list[SimulatedDroneConfig]") -> None:
+def _check_together(agents: "Sequence[GuardConfig]") -> None:
     """ConfigError where one process cannot be all of them: they share its bus, and nothing else."""
+    if len(agents) < 2:
+        return
     numbers = [agent.sysid for agent in agents]
     for wrong, text in (
         (len(set(numbers)) < len(numbers), "sysid: each drone needs its own"),

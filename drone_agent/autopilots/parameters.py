@@ -68,10 +68,12 @@ class Parameters:
         return self.set(name, value)
 
     def message(self, name_or_index: str | int) -> ParamValue | None:
-        """PARAM_VALUE of one parameter, or None if there is no such."""
+        """PARAM_VALUE of one parameter, or None if there is no such, or nobody knows its value."""
         index = self._index.get(name_or_index, -1) if isinstance(name_or_index, str) else name_or_index
         if not 0 <= index < len(self._specs):
             return None
         spec = self._specs[index]
+        if not isfinite(self._values[index]):
+            return None  # a vehicle has not said it
         raw = param_to_raw(self._values[index], spec.type, self._autopilot)
         return ParamValue(spec.name, raw, spec.type, len(self._specs), index)

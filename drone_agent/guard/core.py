@@ -39,6 +39,7 @@ from formation.maths.arrays import Quat
 from formation.messages import Datagram, Event, Innovation, LabFrame, Severity
 from formation.vehicle.profile import profile
 from wire.autopilots.ardupilot import ARDUPILOT
+from wire.autopilots.crazyflie import CRAZYFLIE
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import STREAM_MODES, AutopilotTable
 from wire.clock_offset import rate_offset_text
@@ -77,7 +78,7 @@ from wire.mavlink.framing import Frame, FrameCutter, MavlinkError, packed, renum
 _BEAT_NS = 1_000_000_000
 _HEARTBEAT = Heartbeat(MavAutopilot.INVALID, MavType.ONBOARD_CONTROLLER, 0, 0, MavState.ACTIVE)
 _SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and forgotten its origin
-_TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT)}
+_TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT, CRAZYFLIE)}
 
 
 class GuardOutgoing(NamedTuple):
@@ -395,7 +396,7 @@ class GuardCore:
             self._inertial.restarted(self._now_ns, table.inertial_delay_s)
         if self._table is not table:
             self._table = table
-            self._report(Severity.INFO, f"Bridge to {table.autopilot.name.lower()}")
+            self._report(Severity.INFO, f"Bridge to {table.name.lower()}")
         offboard = table.mode_of(beat.custom_mode) in STREAM_MODES
         self._takeover.saw(self._now_ns, armed=beat.armed, offboard=offboard)
         if not self._takeover.is_flown_by_setpoints:

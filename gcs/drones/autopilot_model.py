@@ -11,6 +11,7 @@ from formation.config import LabConfig
 from formation.vehicle.profile import VehicleProfile
 from gcs.drones.telemetry import Telemetry
 from wire.autopilots.ardupilot import ARDUPILOT, THRUST_AS_THRUST
+from wire.autopilots.crazyflie import CRAZYFLIE
 from wire.autopilots.px4 import PX4
 from wire.autopilots.table import AutopilotTable, FlightMode
 from wire.link_messages import (
@@ -121,6 +122,11 @@ def _copter_unready(telemetry: Telemetry) -> str:
     uninitialised = status.flags & EstimatorFlag.EKF_UNINITIALIZED
     ready = status.flags & EstimatorFlag.POS_HORIZ_ABS and not uninitialised
     return "" if ready else "estimator has no position yet"
+
+
+def _crazyflie_unready(telemetry: Telemetry) -> str:
+    lacks = telemetry.sensors_unhealthy
+    return "the Crazyflie reports no estimate that agrees with the mocap" if lacks & SensorFlag.VISION_POSITION else ""
 
 
 def _is(value: float) -> Callable[[float], bool]:
@@ -256,8 +262,29 @@ ARDUPILOT_MODEL = GroundModel(
     unready=_copter_unready,
 )  # fmt: skip
 
+CRAZYFLIE_MODEL = GroundModel(
+    table=CRAZYFLIE,
+    ignore=Ignore.BODY_RATES,
+    rules=(
+        _idle_disarm_rule(CRAZYFLIE),
+        _rule(CRAZYFLIE, "CF_ESTIMATOR", "2 (Kalman)", _is(2.0), "fuses the mocap pose", external_pose=True),
+        _rule(CRAZYFLIE, "CF_CONTROLLER", "1 (PID)", _is(1.0), "the attitude loop that was flown and identified"),
+        _rule(
+            CRAZYFLIE, "CF_POS_STD", "0.001 to 0.02 m", _between(0.001, 0.02), "how far it trusts the mocap's position",
+            external_pose=True,
+        ),
+        _rule(
+            CRAZYFLIE, "CF_ATT_STD", "0.001 to 0.05", _between(0.001, 0.05), "how far it trusts the mocap's attitude",
+            external_pose=True,
+        ),
+    ),
+    streams=PX4_MODEL.streams,
+    unread=(),
+    unready=_crazyflie_unready,
+)  # fmt: skip
+
 GROUND_MODELS: Mapping[MavAutopilot, GroundModel] = MappingProxyType(
-    {model.table.autopilot: model for model in (PX4_MODEL, ARDUPILOT_MODEL)}
+    {model.table.autopilot: model for model in (PX4_MODEL, ARDUPILOT_MODEL, CRAZYFLIE_MODEL)}
 )
 
 

@@ -3,12 +3,13 @@
 import pytest
 
 from drone_agent.autopilots import MODELS
+from drone_agent.crazyflie.model import CRAZYFLIE_MODEL
 from gcs.drones.autopilot_model import GROUND_MODELS, GroundModel
 from wire.link_messages import MavAutopilot
 
 
 def test_agent_and_ground_build_on_the_same_tables() -> None:
-    assert {model.table.autopilot: model.table for model in MODELS.values()} == {
+    assert {model.table.autopilot: model.table for model in (*MODELS.values(), CRAZYFLIE_MODEL)} == {
         kind: model.table for kind, model in GROUND_MODELS.items()
     }
 

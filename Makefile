@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 SUPPLY := $(VENV)/supply
 ARGS ?=
 
-.PHONY: fly test nightly slow campaign fuzz mutants paper docs reference pictures lock audit wheel check lint setup format clean
+.PHONY: fly test nightly slow campaign fuzz mutants paper docs samples reference pictures lock audit wheel check lint setup format clean
 
 fly: $(VENV)/.fly
 	$(BIN)/gcs-sim fly $(ARGS)
@@ -60,6 +60,18 @@ docs: $(VENV)/.docs
 	$(BIN)/sphinx-build -q -E -W --keep-going -b html docs/manual docs/manual/_build/html
 	@echo "the manual: docs/manual/_build/html/index.html"
 
+# What flights leave, made now, into the built manual: a report, a league's page, the rules, a what-if, a foretold flight.
+SAMPLES := docs/manual/_build/html/samples
+samples: docs
+	rm -rf $(SAMPLES) $(VENV)/samples
+	mkdir -p $(SAMPLES)
+	$(BIN)/gcs-sim run triangle_circle --out $(VENV)/samples
+	cp $(VENV)/samples/report.html $(SAMPLES)/report.html
+	$(BIN)/gcs-sim league default paper_istsmc pid --scene circle --vehicle paper_40g --out $(SAMPLES)
+	$(BIN)/gcs rules > $(SAMPLES)/rules.md
+	$(BIN)/gcs-log whatif $(VENV)/samples/flight.mcap --law pid --out $(SAMPLES)/whatif.html
+	$(BIN)/gcs-sim foretell $(VENV)/samples/flight.mcap > $(SAMPLES)/foretold.txt
+
 # What the manual says of commands, keys, messages and tables, anew from the code into its pages. A test holds it fresh.
 reference: $(VENV)/.fly
 	$(BIN)/python -m tools.reference
@@ -83,10 +95,10 @@ lock: $(VENV)/.fly
 audit: $(VENV)/.supply
 	$(SUPPLY)/bin/python -m tools.audit
 
-# The wheel into dist/, and beside it what it needs, as CycloneDX.
+# Wheel and sdist into dist/, and beside them what the wheel needs, as CycloneDX.
 wheel: $(VENV)/.supply
 	rm -rf dist
-	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
+	$(SUPPLY)/bin/python -m build --sdist --wheel .
 	$(SUPPLY)/bin/cyclonedx-py requirements --pyproject pyproject.toml --output-reproducible --spec-version 1.6 \
 		--output-file "$$(ls dist/*.whl | sed 's/whl$$/cdx.json/')" requirements.txt
 	@ls dist
@@ -129,7 +141,7 @@ $(VENV)/.check: $(VENV)/.test
 # What judges the packages, apart from them: it needs other versions of some.
 $(VENV)/.supply: $(VENV)/.fly
 	$(PYTHON) -m venv $(SUPPLY)
-	$(SUPPLY)/bin/python -m pip install --quiet --disable-pip-version-check pip-audit cyclonedx-bom
+	$(SUPPLY)/bin/python -m pip install --quiet --disable-pip-version-check build pip-audit cyclonedx-bom
 	touch $@
 
 # What builds the manual.

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from formation.config import LabConfig
+from mavlink_formation.installation import install_command
 from wire.config_file import load as load_lab
 from wire.logs import COLOURS
 from wire.logs.mcap_read import lab_of, read_log
@@ -116,5 +117,5 @@ def _write_rerun(path: Path, bodies: Sequence[str], application: str) -> None:
     try:
         blueprint = rerun_blueprint(bodies)
     except ImportError as error:
-        raise LogError(f"{path}: needs rerun-sdk: pip install 'mavlink-formation[live]'") from error
+        raise LogError(f"{path}: needs rerun-sdk: {install_command('live')}") from error
     blueprint.save(application, str(path))

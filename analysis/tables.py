@@ -23,6 +23,7 @@ from analysis.reading import Rows, signal_rows
 from formation import topics
 from formation.maths.arrays import Layout
 from formation.topics import LINK_UP, Topic
+from mavlink_formation.installation import install_command
 from wire.columns import Column
 from wire.logs.mcap_read import LogColumns, TopicColumns, clock_of, holds_nothing, lab_of, read_columns
 from wire.logs.mcap_scan import LogError
@@ -222,9 +223,6 @@ if __name__ == "__main__":
     main()
 
 
-WITHOUT_PYARROW = "--parquet needs pyarrow: pip install 'mavlink-formation[parquet]'"
-
-
 def to_csv(log: LogTables, folder: Path, progress: Callable[[str], None] = lambda _text: None) -> list[Path]:
     """One TOPIC.csv a table, and metadata.json; numbers with every digit they have, bytes in hexadecimal. OSError."""
     written = [_metadata(log, folder)]
@@ -245,7 +243,7 @@ def to_parquet(log: LogTables, folder: Path, progress: Callable[[str], None] = l
         import pyarrow as pa
         import pyarrow.parquet as pq
     except ImportError as error:
-        raise LogError(WITHOUT_PYARROW) from error
+        raise LogError(f"--parquet needs pyarrow: {install_command('parquet')}") from error
     written = [_metadata(log, folder)]
     for topic, table in log.tables:
         progress(f"writing {topic}")

@@ -11,6 +11,7 @@ import zenoh
 
 from formation.config import LinkConfig
 from formation.messages import Event
+from mavlink_formation.installation import install_command
 from wire.logs.live import QUEUED, ChannelDescription, LiveLog, keys
 from wire.process.daemon import GROUND_REMEDY, Precondition, Stop, beside, report_missing
 from wire.security.protection import LOOPBACK_ONLY, Protection
@@ -44,7 +45,7 @@ class Foxglove:
         try:
             import foxglove
         except ImportError as error:
-            raise ViewerError("foxglove-sdk is not installed: pip install 'mavlink-formation[live]'") from error
+            raise ViewerError(f"foxglove-sdk is not installed: {install_command('live')}") from error
         self._sdk: Any = foxglove
         self._channels: dict[int, Any] = {}
         try:

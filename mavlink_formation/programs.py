@@ -103,7 +103,9 @@ def _end_without_extra(error: ModuleNotFoundError) -> None:
     extra = next((extra for extra, roots in _EXTRAS.items() if root in roots), None)
     if extra is None:
         raise error
-    text = f"needs {root}, which is not installed: pip install 'mavlink-formation[{extra}]'"
+    from mavlink_formation.installation import install_command
+
+    text = f"needs {root}, which is not installed: {install_command(extra)}"
     if "--json" in sys.argv:
         print(json.dumps({"error": text}))
     sys.stderr.write(f"{os.path.basename(sys.argv[0])}: {text}\n")

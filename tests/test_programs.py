@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from mavlink_formation import programs
+from mavlink_formation.installation import install_command
 from wire import version
 from wire.process.system import NO_GROUND, NOT_RIGHT
 
@@ -85,7 +86,7 @@ def test_a_missing_part_is_named_with_the_command_that_installs_it(tmp_path: Pat
     log = tmp_path / "flight.mcap"
     done = without(["matplotlib"], "gcs_log", "gcs-log", "picture", str(log))
     assert done.returncode == NOT_RIGHT
-    assert done.stderr == "gcs-log: needs matplotlib, which is not installed: pip install 'mavlink-formation[report]'\n"
+    assert done.stderr == f"gcs-log: needs matplotlib, which is not installed: {install_command('report')}\n"
 
 
 @pytest.mark.processes

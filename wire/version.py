@@ -4,13 +4,13 @@ import subprocess
 from functools import cache
 from pathlib import Path
 
-VERSION = "0.2.0"
+VERSION = "1.0.0"
 _COMMIT = Path(__file__).with_name("commit.txt")
 """In a wheel: written when it is built (hatch_build.py)."""
 
 
 def text() -> str:
-    """ "mavlink-formation 0.2.0, commit 0123456789ab": what programs, logs and reports say."""
+    """ "mavlink-formation 1.0.0, commit 0123456789ab": what programs, logs and reports say."""
     return f"mavlink-formation {VERSION}, commit {commit() or 'unknown'}"
 
 

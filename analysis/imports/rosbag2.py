@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from analysis.imports.recording import BadFileError, Recording, Values, parsing, table
+from mavlink_formation.installation import install_command
 from wire.logs.mcap_scan import LogError
 
 KIND = "rosbag2"
-WITHOUT = "needs rosbags: pip install 'mavlink-formation[import]'"
 NUMBERS_MOST = 64
 """Numbers of a message that are columns; images and clouds have more, and are none."""
 
@@ -24,7 +24,7 @@ def read(path: Path) -> Recording:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
-        raise LogError(f"{path}: {WITHOUT}") from error
+        raise LogError(f"{path}: needs rosbags: {install_command('import')}") from error
     found: dict[str, tuple[list[float], list[tuple[str, ...]], list[list[float]]]] = {}
     with parsing(path), AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as bag:
         for connection, logged_ns, raw in bag.messages():

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from analysis.imports.recording import BadFileError, Recording, Table, Values, parsing, table
+from mavlink_formation.installation import install_command
 from wire.logs.mcap_scan import LogError
 from wire.text import plain
 
@@ -20,7 +21,6 @@ HEADER = 3
 MESSAGE_MOST = 65_535
 """Bytes of a message, whose size is written in two: a format that needs more is none."""
 LONGEST_TEXT = 200
-WITHOUT = "needs pyulog: pip install 'mavlink-formation[import]'"
 
 
 class _File(io.BufferedReader):
@@ -56,7 +56,7 @@ def read(path: Path) -> Recording:
     try:
         from pyulog import ULog
     except ImportError as error:
-        raise LogError(f"{path}: {WITHOUT}") from error
+        raise LogError(f"{path}: needs pyulog: {install_command('import')}") from error
     with parsing(path), _File(io.FileIO(path)) as head, _File(io.FileIO(path)) as file:
         with contextlib.redirect_stdout(io.StringIO()):
             _demand_formats(path, ULog(head, parse_header_only=True).message_formats)

@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from bench.command import FAILED, Seeds
+from mavlink_formation.installation import install_command
 from sim.runner import Runner
 from wire.files import make_folder
 
@@ -27,7 +28,7 @@ def main(
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != "rotorpy":
             raise
-        raise typer.BadParameter("rotorpy is not here: pip install 'mavlink-formation[rotorpy]'") from error
+        raise typer.BadParameter(f"rotorpy is not here: {install_command('rotorpy')}") from error
     if log is not None:
         make_folder(log)
     with TemporaryDirectory() if log is None else nullcontext(log) as folder:

@@ -23,7 +23,9 @@ from formation.own_law.law import Situation
 try:
     import onnxruntime
 except ImportError as error:
-    raise ImportError("onnxruntime is not installed: pip install 'mavlink-formation[research]'") from error
+    from mavlink_formation.installation import install_command
+
+    raise ImportError(f"onnxruntime is not installed: {install_command('research')}") from error
 
 BESIDE = Path(__file__).with_name("policy.onnx")
 

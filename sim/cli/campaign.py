@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from formation.vehicle.profile import PROFILES
+from mavlink_formation.installation import install_command
 from sim import lockstep
 from sim.cli.flights import compile_everything, fail
 from sim.proof import campaign, controls
@@ -99,7 +100,7 @@ def _workers(scheduler: str | None, console: Console) -> Workers:
     try:
         return Cluster(scheduler, console)
     except ModuleNotFoundError as error:
-        text = f"needs {error.name}, which is not installed: pip install 'mavlink-formation[research]'"
+        text = f"needs {error.name}, which is not installed: {install_command('research')}"
         fail(f"--scheduler {scheduler}: {text}", NOT_RIGHT)
     except OSError as error:
         fail(f"--scheduler {scheduler}: {error}", NOT_RIGHT)

@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 import gcs_log
 from analysis.cli import app
 from gcs_log import flight_log
+from mavlink_formation.installation import install_command
 from tests.analysis.synthetic_flight import METADATA, START, T0_NS, Recipe, battery, shaken, written
 from wire.logs.mcap_write import LogWriter
 
@@ -98,7 +99,7 @@ def test_what_cannot_be_exported_says_what_to_do(path: Path, monkeypatch: pytest
     for flags, words in (
         ([], "--csv, --parquet or --rosbag2"),
         (["--csv", "--parquet"], "--csv, --parquet or --rosbag2"),
-        (["--parquet"], "mavlink-formation[parquet]"),
+        (["--parquet"], install_command("parquet")),
     ):
         result = CliRunner().invoke(app, ["export", str(path), *flags])
         assert result.exit_code == 2

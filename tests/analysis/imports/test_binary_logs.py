@@ -9,6 +9,7 @@ from pyulog import ULog
 
 import gcs_log
 from analysis.load import load
+from mavlink_formation.installation import install_command
 from tests.analysis.imports.stranger import (
     FORMATS,
     LAG_S,
@@ -145,4 +146,4 @@ def test_names_the_extra_that_is_missing(kind: str, module: str, tmp_path: Path,
     (tmp_path / "a").write_bytes(data)
     result = run("import", tmp_path / "a", "--out", tmp_path / "x.mcap")
     assert result.exit_code == 2
-    assert "pip install 'mavlink-formation[import]'" in result.output
+    assert install_command("import") in result.output

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from mavlink_formation.installation import install_command
 from sim.cli.app import app
 from sim.research.paper_figures import NAMES
 
@@ -23,7 +24,7 @@ def invoke(*arguments: str) -> tuple[int, str]:
         (("tune", "paper_40g", "--law", "pdi"), "no package here registers 'pdi' control presets: paper_smc"),
         (
             ("campaign", "--scheduler", "tcp/x:1"),
-            "--scheduler tcp/x:1: needs distributed pip install 'mavlink-formation[research]'",
+            f"--scheduler tcp/x:1: needs distributed {install_command('research')}",
         ),
     ],
 )

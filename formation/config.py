@@ -32,6 +32,7 @@ from formation.security_config import SecurityConfig
 from formation.trajectory_config import TrajectoryConfig as TrajectoryConfig
 from formation.vehicle.profile import VehicleProfile, on_base, profile
 
+Share = Annotated[float, NoFlag, Field(ge=0.0, lt=1.0)]
 PRESET_NAMES = ("default", "pid_leader", "paper", "paper_istsmc", "paper_smc", "pid", "geometric", "no_downwash")
 """The sets of gains of formation.control.presets, known here so that a lab is judged before the control is loaded."""
 
@@ -178,6 +179,17 @@ class LimitsConfig(Model):
     """Smallest distance between any two bodies."""
     fence: Fence = Fence()
     """Flight volume of the commanded drones."""
+    battery_low_share: Share = 0.2
+    """Charge under which a drone is warned of, and does not arm."""
+    battery_empty_share: Share = 0.1
+    """Charge under which all land."""
+
+    @model_validator(mode="after")
+    def _empty_is_less_than_low(self) -> Self:
+        if self.battery_empty_share > self.battery_low_share:
+            text = f"battery_low_share is {self.battery_low_share:g}: empty is not more than low"
+            raise WrongKeyError("battery_empty_share", text, self.battery_empty_share)
+        return self
 
 
 class FlightConfig(Model):

@@ -16,7 +16,7 @@ from formation.messages import HostReport, Phase, Verb
 from formation.reasons import LAND_AND_INCLUDE, Reason, Reject
 from formation.safety.phases import PHASES_FOR, meant
 from formation.safety.rules import Facts, nearest, outside_box
-from formation.safety.rules_table import BATTERY_LOW, HEARTBEAT_S, UNSEEN_S
+from formation.safety.rules_table import HEARTBEAT_S, UNSEEN_S
 from gcs.drones.autopilot_model import HOVER_WITHIN, ParameterRule
 from gcs.drones.drone import TAKE_OFF_S, Drone
 from gcs.drones.land_detector import AIRBORNE_STATES
@@ -127,7 +127,7 @@ def bodies_ready(now: Situation) -> Iterator[Reject]:
         if near_m[i] < limits.min_separation_m:
             yield Reason.TOO_NEAR.of(name, near_m[i], limits.min_separation_m)
         if facts.commanded[i]:
-            yield from _link_reasons(facts, i)
+            yield from _link_reasons(facts, i, limits.battery_low_share)
 
 
 def _pose_reasons(facts: Facts, i: int, outside_m: float) -> Iterator[Reject]:
@@ -140,11 +140,11 @@ def _pose_reasons(facts: Facts, i: int, outside_m: float) -> Iterator[Reject]:
         yield Reason.MOVING.of(name, facts.speed_m_s[i])
 
 
-def _link_reasons(facts: Facts, i: int) -> Iterator[Reject]:
+def _link_reasons(facts: Facts, i: int, battery_low_share: float) -> Iterator[Reject]:
     name = facts.names[i]
     if facts.heartbeat_age_s[i] > HEARTBEAT_S:
         yield Reason.NO_HEARTBEAT.of(name, _ago(facts.heartbeat_age_s[i]))
-    if facts.battery[i] < BATTERY_LOW:
+    if facts.battery[i] < battery_low_share:
         yield Reason.BATTERY_LOW.of(name, facts.battery[i])
     if facts.duplicate[i]:
         yield Reason.SYSID_TWICE.of(name)

@@ -77,6 +77,7 @@ def ground_state(
             if not facts.commanded[i]
         ),
         leader_yaw_rad=numbers.leader_yaw_rad,
+        battery_levels=(config.limits.battery_low_share, config.limits.battery_empty_share),
         rejected=about.rejected,
         prearm_failures=tuple(reject.text for reject in arming),
         counters=about.counters,

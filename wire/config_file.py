@@ -18,7 +18,7 @@ from formation.names import meant
 from formation.vehicle.profile import VehicleProfile, on_base, profile
 from wire.errors import ConfigError as ConfigError
 from wire.errors import Fault as Fault
-from wire.files import read_text, read_toml
+from wire.files import INCLUDE, read_text, read_toml
 
 _PART = r"(?:[A-Za-z0-9_-]+|\"[^\"]*\"|'[^']*')"
 _KEY = rf"{_PART}(?:\s*\.\s*{_PART})*"
@@ -28,24 +28,33 @@ _TEXT = re.compile(r"\"{3}.*?(?:\"{3}|$)|'{3}.*?(?:'{3}|$)|\"(?:[^\"\\\n]|\\.)*\
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """A file's lines by key as messages have it, `followers[0].offset_m`, and the followers' names by theirs."""
+    """A file's lines by key as messages have it, `followers[0].offset_m`, and the followers' names by theirs.
+
+    included: of the file that it includes.
+    """
 
     source: str
     lines: Mapping[str, int]
     bodies: Mapping[str, str]
+    included: "Lines | None" = None
 
     def of(self, key: str) -> str:
         """How a message begins: `lab.toml:14 followers[1].offset_m (left)`."""
-        line, above = 0, key
-        while above and not line:
-            line = self.lines.get(above) or self.lines.get(f"{above}[0]", 0)
-            above = above[: max(above.rfind("."), above.rfind("["), 0)]
+        above, line = self._nearest(key)
+        if self.included is not None and len(self.included._nearest(key)[0]) > len(above):
+            return self.included.of(key)
         body = next((name for owner, name in self.bodies.items() if key.startswith(owner)), "")
         return f"{self.source}:{line or ''} {key}{f' ({body})' if body else ''}".rstrip()
 
+    def _nearest(self, key: str) -> tuple[str, int]:
+        """The key, or the nearest table above it, that the file has, and its line; nothing and 0 for none."""
+        while key and not (line := self.lines.get(key) or self.lines.get(f"{key}[0]", 0)):
+            key = key[: max(key.rfind("."), key.rfind("["), 0)]
+        return (key, line) if key else ("", 0)
 
-def lines_of(path: Path) -> Lines:
-    """Those of the file; none where it cannot be read any more."""
+
+def lines_of(path: Path, follow: bool = True) -> Lines:
+    """Those of the file, and of the one that it includes; none where it cannot be read any more."""
     try:
         text = read_text(path)
         values = tomllib.loads(text)
@@ -57,7 +66,10 @@ def lines_of(path: Path) -> Lines:
     followers = values.get("followers")
     named = enumerate(followers if isinstance(followers, list) else ())
     bodies = {f"followers[{i}]": str(each["body"]) for i, each in named if isinstance(each, dict) and "body" in each}
-    return Lines(str(path), lines, bodies)
+    name = values.get(INCLUDE) if follow else None
+    return Lines(
+        str(path), lines, bodies, lines_of(path.parent / name, follow=False) if isinstance(name, str) else None
+    )
 
 
 def _keys(text: str) -> Iterator[tuple[str, int]]:

@@ -219,7 +219,35 @@ def inside(folder: Path, name: str) -> Path:
     return folder / safe
 
 
+INCLUDE = "include"
+
+
 def read_toml(path: Path) -> dict[str, Any]:
+    """The values in the file, laid over those of the one that it includes, by a path from its own folder. ConfigError.
+
+    What the file itself says wins, key by key; a list is one value. Paths in both are from the file's folder.
+    """
+    values = _read_one(path)
+    included = values.pop(INCLUDE, None)
+    if included is None:
+        return values
+    if not isinstance(included, str):
+        raise ConfigError([f"{path}: {INCLUDE}: is not the name of a file in quotes (it is {included!r})"])
+    try:
+        below = _read_one(path.parent / included)
+    except ConfigError as error:
+        raise ConfigError([f"{path}: {INCLUDE}: {problem}" for problem in error.problems]) from error
+    if INCLUDE in below:
+        raise ConfigError([f"{path.parent / included}: {INCLUDE}: {path} includes this file, which may include none"])
+    return _laid_over(below, values)
+
+
+def _laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    both = {key for key in below.keys() & above.keys() if isinstance(below[key], dict) and isinstance(above[key], dict)}
+    return below | above | {key: _laid_over(below[key], above[key]) for key in both}
+
+
+def _read_one(path: Path) -> dict[str, Any]:
     """The values in the file; ConfigError for one that is missing, not UTF-8, or no TOML."""
     try:
         return tomllib.loads(read_text(path))

@@ -172,8 +172,8 @@ class GroundState:
     faults that no rule raises any more, of drones that are still unheard. allowed: by verb, every reason against it
     now; none where it may be asked. reject_codes: their names (formation.reasons). prearm_failures: why it would not
     arm, while on the ground. trajectory_s: time along the leader's trajectory, and its duration; trajectory_from: x, y,
-    z and heading where it began. rejected: by body, why the pose validator rejects it now. log_trouble, button_trouble:
-    in words; empty while all is well.
+    z and heading where it began. battery_levels: the charges, 0..1, under which a drone's is low, and empty. rejected:
+    by body, why the pose validator rejects it now. log_trouble, button_trouble: in words; empty while all is well.
     cycles and what follows is the host's, and has its default where a core is asked alone. lost_lines: of its output.
     """
 
@@ -202,6 +202,7 @@ class GroundState:
     drones: tuple[DroneState, ...]
     observed: tuple[ObservedBody, ...]
     leader_yaw_rad: float | None
+    battery_levels: tuple[float, float] = (0.0, 0.0)
     rejected: Mapping[str, str]
     prearm_failures: tuple[str, ...]
     counters: Counters

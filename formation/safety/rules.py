@@ -19,9 +19,9 @@ from formation.safety.phases import Trigger
 from formation.safety.rules_table import LOST_S, RULES, Measure, Own, Rule
 
 (
-    UNSEEN_S, OUTSIDE_M, NEARNESS, POSITION_ERROR_M, TILT_RAD, SILENT_S, NOT_OFFBOARD, DISARMED, DISCHARGE, LATE_SHARE,
-    DUPLICATE, MODEL_MISMATCH, OUTSIDE_TOO_M, TILT_TOO_RAD, SETPOINT_AGE_S, ATTITUDE_INNOVATION_RAD,
-    LEADER_POSITION_ERROR_M, LINK_BEHIND_S,
+    UNSEEN_S, OUTSIDE_M, NEARNESS, POSITION_ERROR_M, TILT_RAD, SILENT_S, NOT_OFFBOARD, DISARMED, BATTERY_LOW,
+    LATE_SHARE, DUPLICATE, MODEL_MISMATCH, OUTSIDE_TOO_M, TILT_TOO_RAD, SETPOINT_AGE_S, ATTITUDE_INNOVATION_RAD,
+    LEADER_POSITION_ERROR_M, LINK_BEHIND_S, BATTERY_EMPTY,
 ) = map(int, Measure)  # fmt: skip
 INDEPENDENT_FRESH_S = 0.1
 _SEVEREST_FIRST = (Trigger.LAND, Trigger.HOLD)
@@ -156,10 +156,12 @@ def _measured(facts: Facts, limits: LimitsConfig) -> Float:
     out = np.zeros((len(Measure), len(facts.names)))
     fence, separation_min_m = limits.fence, limits.min_separation_m
     _measure_reports(
-        facts.error_m, facts.silent_s, facts.armed, facts.offboard, facts.battery, facts.duplicate,
+        facts.error_m, facts.silent_s, facts.armed, facts.offboard, facts.duplicate,
         facts.model_mismatch, facts.link_behind_s, facts.setpoint_age_s, facts.attitude_innovation_rad,
         facts.late_share, out,
     )  # fmt: skip
+    out[BATTERY_LOW] = limits.battery_low_share - facts.battery
+    out[BATTERY_EMPTY] = limits.battery_empty_share - facts.battery
     _measure_positions(
         facts.age_s, facts.tilt_rad, facts.pos_lab_m, facts.own_pos_lab_m, facts.own_tilt_rad, fence.low_m,
         fence.high_m, separation_min_m, out,
@@ -169,7 +171,7 @@ def _measured(facts: Facts, limits: LimitsConfig) -> Float:
 
 @kernel
 def _measure_reports(
-    error_m: Scalars, silent_s: Scalars, armed: Flags, offboard: Flags, battery: Scalars, duplicate: Flags,
+    error_m: Scalars, silent_s: Scalars, armed: Flags, offboard: Flags, duplicate: Flags,
     model_mismatch: Scalars, link_behind_s: Scalars, setpoint_age_s: Scalars, attitude_innovation_rad: Scalars,
     late_share: float, out: Float,
 ) -> None:  # fmt: skip
@@ -180,7 +182,6 @@ def _measure_reports(
         out[SILENT_S, i] = silent_s[i]
         out[NOT_OFFBOARD, i] = 1.0 if armed[i] and not offboard[i] else 0.0
         out[DISARMED, i] = 0.0 if armed[i] else 1.0
-        out[DISCHARGE, i] = -battery[i]
         out[DUPLICATE, i] = 1.0 if duplicate[i] else 0.0
         out[MODEL_MISMATCH, i] = model_mismatch[i]
         out[LINK_BEHIND_S, i] = link_behind_s[i]

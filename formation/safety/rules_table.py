@@ -20,7 +20,6 @@ LATE_SETPOINT_S, STALE_SETPOINT_S = 0.07, 0.1
 UNSEEN_S, LOST_S, LONG_LOST_S = 0.2, 0.4, 5.0
 BEHIND_WARN_S, BEHIND_HOLD_S, BEHIND_RELEASE_S = 0.05, 0.1, 0.3
 FAR_OUTSIDE_M = 0.5
-BATTERY_LOW, BATTERY_EMPTY = 0.2, 0.1
 UPSET_RAD = 1.3
 UPSET_DEG = 5 * round(degrees(UPSET_RAD) / 5)
 """In words, to the nearest five."""
@@ -46,7 +45,7 @@ class Measure(IntEnum):
     SILENT_S = 5
     NOT_OFFBOARD = 6
     DISARMED = 7
-    DISCHARGE = 8  # minus what is left of the battery
+    BATTERY_LOW = 8  # the lab's level less what is left of the charge
     LATE_SHARE = 9
     DUPLICATE = 10
     MODEL_MISMATCH = 11  # see formation.estimation.response
@@ -56,6 +55,7 @@ class Measure(IntEnum):
     ATTITUDE_INNOVATION_RAD = 15
     LEADER_POSITION_ERROR_M = 16  # of the leader alone
     LINK_BEHIND_S = 17
+    BATTERY_EMPTY = 18
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,10 +137,10 @@ RULES: tuple[Rule, ...] = (
          Measure.SETPOINT_AGE_S, LATE_SETPOINT_S, 1.0, frozenset({Phase.LAND}), own=Own.RELEASE),
     Rule("rule-setpoints-stale", f"setpoints reach it {1e3 * STALE_SETPOINT_S:g} ms old",
          Measure.SETPOINT_AGE_S, STALE_SETPOINT_S, 1.0, MOTORS_ON, Trigger.LAND, Own.RELEASE),
-    Rule("rule-battery-low", f"battery under {100 * BATTERY_LOW:g} %",
-         Measure.DISCHARGE, -BATTERY_LOW, 1.0, MOTORS_ON),
-    Rule("rule-battery-empty", f"battery under {100 * BATTERY_EMPTY:g} %",
-         Measure.DISCHARGE, -BATTERY_EMPTY, 1.0, MOTORS_ON, Trigger.LAND),
+    Rule("rule-battery-low", "battery low",
+         Measure.BATTERY_LOW, 0.0, 1.0, MOTORS_ON),
+    Rule("rule-battery-empty", "battery empty",
+         Measure.BATTERY_EMPTY, 0.0, 1.0, MOTORS_ON, Trigger.LAND),
     Rule("rule-model-mismatch", "model mismatch",
          Measure.MODEL_MISMATCH, MISMATCH_WARN, 0.3, AIRBORNE),
     Rule("rule-attitude-innovation", "its attitude is not the mocap's: late poses?",

@@ -11,8 +11,6 @@ from formation.reasons import Reason
 from formation.requests import CONFIGURED
 from formation.safety.phases import AFTER_HOLD, AIRBORNE
 from formation.safety.rules_table import (
-    BATTERY_EMPTY,
-    BATTERY_LOW,
     BEHIND_HOLD_S,
     BEHIND_WARN_S,
     LATE_SETPOINT_S,
@@ -80,7 +78,7 @@ class Cell:
     level: Level = Level.CALM
 
 
-def row(drone: DroneState, flying: bool) -> tuple[Cell, ...]:
+def row(drone: DroneState, flying: bool, battery_levels: tuple[float, float]) -> tuple[Cell, ...]:
     """One drone of the ground's state, a cell a column; flying: errors are shown for a swarm that is led somewhere."""
     mode = "left out" if drone.excluded else drone.mode + (" (pilot)" if drone.piloted else "")
     return (
@@ -91,7 +89,7 @@ def row(drone: DroneState, flying: bool) -> tuple[Cell, ...]:
         _armed(drone),
         Cell(_LANDED.get(drone.landed, "-")),
         Cell(number_text(drone.battery_v, 1.0, 1)),
-        _under(drone.battery, BATTERY_LOW, BATTERY_EMPTY, 100.0, 0),
+        _under(drone.battery, *battery_levels, 100.0, 0),
         _over(drone.age_s, POSE_WARN_S, POSE_BAD_S, 1e3, 0, "never"),
         _over(drone.setpoint_age_s, LATE_SETPOINT_S, STALE_SETPOINT_S, 1e3, 0, "-"),
         _over(drone.link_behind_s, BEHIND_WARN_S, BEHIND_HOLD_S, 1e3, 0, "-"),
@@ -198,7 +196,7 @@ def show(state: GroundState | None, mocap: Mapping[str, Any] | None, silent_s: f
         cause=cause(state),
         since=_clock(state.phase_s),
         steps=tuple(_step(verb, state) for verb in VERBS),
-        rows=tuple(row(drone, flying) for drone in state.drones),
+        rows=tuple(row(drone, flying, state.battery_levels) for drone in state.drones),
         countdowns=countdowns(state),
         stop=stop_text(state),
         not_landed=state.not_landed,

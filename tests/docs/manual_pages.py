@@ -65,6 +65,7 @@ class Labs:
     def take(self, block: Block) -> None:
         """Read one TOML block."""
         values = tomllib.loads(block.text)
+        values.pop("include", None)  # a room, which is a block before it
         if "lab" in values:
             self.scenario = block.text
         else:

@@ -47,6 +47,8 @@ def test_the_presets_that_a_lab_may_name_are_those_there_are():
         ({"limits": {"fence": {"low_m": (1, -1, 0), "high_m": (-1, 1, 2)}}}, "low_m is 1 and high_m -1 along x"),
         ({"limits": {"fence": {"low_m": (-1, -1, 2), "high_m": (1, 1, 2)}}}, "low_m is 2 and high_m 2 along z"),
         ({"limits": {"tilt_rad": 30}}, "radians are meant"),
+        ({"limits": {"battery_low_share": 20}}, "limits.battery_low_share"),
+        ({"limits": {"battery_empty_share": 0.3}}, "battery_low_share is 0.2: empty is not more than low"),
         ({"control_preset": "heroic"}, "unknown control preset 'heroic'; known: default, pid_leader, paper"),
         ({"leader": {"body": "a", "link": "tcp:1"}}, "not udp:HOST:PORT"),
         ({"leader": {"body": "a", "link": "udp:127.0.0.1:14540"}}, 'write guard = "none" to fly so'),

@@ -17,9 +17,10 @@ from tests.gcs.link import MS, Drone, a_link, beat, tell
 from wire.link_messages import EkfStatus, MavAutopilot
 
 
-def bodies_ready(facts: Facts) -> tuple[Reject, ...]:
+def bodies_ready(facts: Facts, **limits: float) -> tuple[Reject, ...]:
     nothing: Any = None
-    return tuple(permissions.bodies_ready(Situation(triangle(), (), nothing, nothing, frozenset(), facts, 0)))
+    lab = triangle(limits=limits)
+    return tuple(permissions.bodies_ready(Situation(lab, (), nothing, nothing, frozenset(), facts, 0)))
 
 
 def autopilot_reasons(link: DroneLink) -> tuple[str, ...]:
@@ -64,6 +65,12 @@ def test_arming_is_refused_with_the_reason(name):
     changes, reason, text = REFUSALS[name]
     (found,) = bodies_ready(healthy(**changes))
     assert (found.reason, found.text) == (reason, text)
+
+
+def test_the_lab_says_with_which_battery_none_arms():
+    facts = healthy(battery=of(2, 0.15, 1.0))
+    assert bodies_ready(facts, battery_low_share=0.15) == ()
+    assert len(bodies_ready(facts, battery_low_share=0.16)) == 1
 
 
 def test_two_drones_too_close_are_both_named():

@@ -30,7 +30,7 @@ def test_a_drone_whose_guard_took_over_is_reported_with_the_guards_first_warning
     for words in ("Pose rejected, drift: hold", "No pose to land on: coming down level"):
         guard.say(link, StatusText(Severity.CRITICAL, words), NOW_NS - 50 * MS)
     assert _text("rule-not-offboard", link) == "left: not in off-board mode (its guard: Pose rejected, drift: hold)"
-    assert _text("rule-battery-low", link) == "left: battery under 20 %"
+    assert _text("rule-battery-low", link) == "left: battery low"
     guard.say(link, StatusText(Severity.INFO, "Setpoints are back"), NOW_NS)
     assert _text("rule-not-offboard", link) == "left: not in off-board mode"
 

@@ -187,3 +187,58 @@ def test_a_value_of_few_that_is_misspelt_or_called_otherwise_says_which_is_meant
         (tmp_path / "lab.toml").write_text(f'[mocap]\nsource = "{written}"\n[leader]\nbody = "a"\n')
         with pytest.raises(ConfigError, match=rf"mocap\.source: .*: is {near} meant\? \(it is '{written}'\)"):
             load(tmp_path / "lab.toml", LabConfig)
+
+
+ROOM = """
+[mocap]
+source = "vicon"
+rate_hz = 200.0
+axes = ["x forward", "y left", "z up"]
+[mocap.vicon]
+host = "10.0.0.1"
+[limits]
+fence = { low_m = [-1.0, -1.0, -0.1], high_m = [1.0, 1.0, 2.0] }
+"""
+
+
+def in_room(tmp_path, room: str, lab: str = GOOD):
+    (tmp_path / "rooms").mkdir()
+    (tmp_path / "rooms" / "small.toml").write_text(room, encoding="utf-8")
+    return written(tmp_path, f'include = "rooms/small.toml"\n{lab}')
+
+
+def test_a_lab_flies_in_the_room_that_it_includes_and_what_it_says_itself_wins(tmp_path):
+    config = load(in_room(tmp_path, ROOM, f"{GOOD}[mocap]\nrate_hz = 100.0\n[limits]\nspeed_m_s = 1.0\n"), LabConfig)
+    assert (config.mocap.source, config.mocap.rate_hz, config.mocap.vicon.host) == ("vicon", 100.0, "10.0.0.1")
+    assert (config.limits.fence.high_m, config.limits.speed_m_s) == ((1.0, 1.0, 2.0), 1.0)
+    assert config == parse(tomllib.loads(dump(config)), LabConfig, source="x")  # as a log keeps it: whole
+
+
+@pytest.mark.parametrize(
+    ("room", "lab", "problem"),
+    [
+        (ROOM.replace("200.0", "-1"), GOOD, "{room}:4 mocap.rate_hz: should be greater than 0 (it is -1)"),
+        (ROOM.replace("host", "hots"), GOOD, "{room}:7 mocap.vicon.hots: is not a known key: is host meant?"),
+        (ROOM, f"{GOOD}[mocap]\nrate_hz = -1\n", "{lab}:10 mocap.rate_hz: should be greater than 0 (it is -1)"),
+        (f"include = 'x.toml'\n{ROOM}", GOOD, "{room}: include: {lab} includes this file, which may include none"),
+        ("x = ", GOOD, "{lab}: include: {room}: "),
+    ],
+)
+def test_a_fault_is_in_the_file_that_has_the_key(tmp_path, room: str, lab: str, problem: str):
+    path = in_room(tmp_path, room, lab)
+    with pytest.raises(ConfigError) as caught:
+        load(path, LabConfig)
+    (said,) = caught.value.problems
+    assert said.startswith(problem.format(lab=path, room=tmp_path / "rooms" / "small.toml"))
+
+
+@pytest.mark.parametrize(
+    ("value", "problem"),
+    [
+        ("'away.toml'", "include: {folder}/away.toml: No such file"),
+        ("3", "include: is not the name of a file in quotes"),
+    ],
+)
+def test_an_include_is_a_file_s_name(tmp_path, value: str, problem: str):
+    (said,) = problems(tmp_path, f"include = {value}\n{GOOD}")
+    assert said.startswith(problem.format(folder=tmp_path))

@@ -283,7 +283,7 @@ def near(draw: Draw, sound: LabFrame, now_ns: int) -> Iterator[LabFrame]:
 def published(lab: FakeLab) -> str:
     """The state that the ground's process publishes."""
     events = EventMemory()
-    for text in ("left: battery under 20 %", "over: left: battery under 20 %"):
+    for text in ("left: battery low", "over: left: battery low"):
         events.note(Event(Severity.WARNING, "safety", text), 1_000_000)
     state = lab.core.state(lab.now_ns)
     return encode(replace(state, events=events.newest, alarms=events.alarms.open))

@@ -66,8 +66,8 @@ LIMIT_OF = [
     ("nothing heard for 3 s", HEARD, 0.0, Phase.ARMED, Trigger.LAND),
     ("not in off-board mode", flag("offboard", True), 0.5, FLYING, Trigger.LAND),
     ("disarmed in the air", flag("armed", True), 0.3, FLYING, Trigger.LAND),
-    ("battery under 20 %", level("battery", 0.21, 0.19, 1.0), 1.0, Phase.ARMED, None),
-    ("battery under 10 %", level("battery", 0.11, 0.09, 1.0), 1.0, Phase.ARMED, Trigger.LAND),
+    ("battery low", level("battery", 0.21, 0.19, 1.0), 1.0, Phase.ARMED, None),
+    ("battery empty", level("battery", 0.11, 0.09, 1.0), 1.0, Phase.ARMED, Trigger.LAND),
     ("model mismatch", level("model_mismatch", 0.37, 0.39), 0.3, Phase.LAND, None),
     (
         "its attitude is not the mocap's: late poses?",
@@ -132,7 +132,7 @@ def test_severity_follows_from_what_is_done() -> None:
         _, then = assess(watch, healthy(**changes), Phase.HOLD, LIMITS, 10**10)
         return {f.text: f.rule.severity for f in (*first.changes, *then.changes)}
 
-    assert severity(battery=of(1, 0.15, 1.0)) == {"left: battery under 20 %": Severity.WARNING}
+    assert severity(battery=of(1, 0.15, 1.0)) == {"left: battery low": Severity.WARNING}
     assert severity(silent_s=of(1, 4.0, 0.0)) == {"left: nothing heard for 3 s": Severity.ERROR}
     assert severity(tilt_rad=of(1, 1.4, 0.0)) == {"left: tilted by 75 degrees": Severity.CRITICAL}
 
@@ -160,3 +160,15 @@ def test_a_body_that_the_mocap_has_not_seen_is_no_witness() -> None:
     facts = healthy(tilt_rad=of(1, 1.5, 0.0), own_tilt_rad=of(1, 1.5, np.nan), age_s=of(1, 0.15, 0.0))
     watch, _ = assess(start(3), facts, Phase.HOLD, LIMITS, 0)
     assert not assess(watch, facts, Phase.HOLD, LIMITS, 10**9)[1].cut.any()
+
+
+def test_the_lab_says_when_a_battery_is_low_and_when_it_is_empty() -> None:
+    limits = LIMITS.model_copy(update={"battery_low_share": 0.5, "battery_empty_share": 0.3})
+    said = []
+    for charge in (0.51, 0.49, 0.29, np.nan):
+        facts = healthy(battery=of(1, charge, 1.0))
+        watch, _ = assess(start(3), facts, Phase.HOLD, limits, 0)
+        _, verdict = assess(watch, facts, Phase.HOLD, limits, 10**9)
+        said.append(({change.text for change in verdict.changes}, verdict.trigger))
+    low = {"left: battery low"}
+    assert said == [(set(), None), (low, None), ({*low, "left: battery empty"}, Trigger.LAND), (set(), None)]

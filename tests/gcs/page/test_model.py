@@ -99,7 +99,7 @@ def test_a_table_row_has_a_cell_for_each_column_with_its_unit_and_marks_what_is_
         assert unit or name == "id" or not cell.text.replace(".", "").isdigit(), name
     assert '<th title="time since its heartbeat, s">heard<small>s</small></th>' in drawing.table(shown)
     drone = flight[Phase.FORMATION].drones[1]
-    cells = dict(zip(COLUMNS, row(drone, flying=True), strict=True))
+    cells = dict(zip(COLUMNS, row(drone, flying=True, battery_levels=LEVELS), strict=True))
     assert (cells["id"].text, cells["name"].text, cells["make"].text) == ("2", "left", "PX4")
     assert (cells["armed"].text, cells["validator"].text) == ("ARMED", "ok")
     assert float(cells["error"].text) < 50.0
@@ -112,14 +112,14 @@ def test_a_table_row_has_a_cell_for_each_column_with_its_unit_and_marks_what_is_
         fence_margin_m=0.05,
         link_behind_s=0.12,
     )
-    cells = dict(zip(COLUMNS, row(ill, flying=True), strict=True))
+    cells = dict(zip(COLUMNS, row(ill, flying=True, battery_levels=LEVELS), strict=True))
     assert cells["charge"] == Cell("15", Level.WARN)
     assert cells["pose"] == Cell("310", Level.BAD)
     assert cells["heard"] == Cell("never", Level.BAD)
     assert cells["validator"] == Cell("frozen", Level.BAD)
     assert cells["late"] == Cell("120", Level.BAD)
     assert cells["fence"] == Cell("0.05", Level.WARN)
-    assert row(drone, flying=False)[COLUMNS.index("error")] == Cell("-")
+    assert row(drone, flying=False, battery_levels=LEVELS)[COLUMNS.index("error")] == Cell("-")
 
 
 def test_what_is_wrong_is_on_the_page_and_at_rest_nothing_is(flight):
@@ -183,9 +183,8 @@ def test_the_last_rehearsal_is_shown_until_the_lab_changes(flight, tmp_path):
     assert shown(lab) == ("none: gcs rehearse", Level.CALM)
 
 
-BATTERY = Event(
-    Severity.WARNING, "safety", "left: battery under 20 %", lasts=True, code="rule-battery-low", subject="left"
-)
+LEVELS = (0.2, 0.1)
+BATTERY = Event(Severity.WARNING, "safety", "left: battery low", lasts=True, code="rule-battery-low", subject="left")
 OUTSIDE = Event(Severity.CRITICAL, "safety", "right: outside", lasts=True, code="rule-outside-fence", subject="right")
 
 
@@ -201,11 +200,11 @@ def test_the_newest_alarm_is_first_and_stays_until_it_is_acknowledged_and_over(f
     told.note(BATTERY, 1_000_000)
     told.note(OUTSIDE, 2_000_000)
     told.note(Event(Severity.WARNING, "left", "low voltage"), 3_000_000)  # which has no end
-    told.note(replace(BATTERY, text="left: battery under 20 %, said otherwise"), 4_000_000)
+    told.note(replace(BATTERY, text="left: battery low, said otherwise"), 4_000_000)
     shown.receive_ground(published(told))
     shown.receive_ground(published(told))  # the same again is no news
     assert [(one.text, one.times, one.unix_s) for one in shown.open] == [
-        ("left: battery under 20 %, said otherwise", 2, 4.0),
+        ("left: battery low, said otherwise", 2, 4.0),
         ("low voltage", 1, 3.0),
         (OUTSIDE.text, 1, 2.0),
     ]

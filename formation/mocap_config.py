@@ -25,8 +25,8 @@ Seconds = Annotated[float, NoFlag, Field(ge=0.0, le=0.5)]
 SourceText = Annotated[str, Field(min_length=1, max_length=128)]
 """A body's name as the camera system writes it, blanks and all."""
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-CAMERA_SYSTEMS = ("vrpn", "chingmu", "natnet", "qualisys", "vicon", "ros2")
-BODY_BY_BODY = ("vrpn", "chingmu", "ros2")
+CAMERA_SYSTEMS = ("vrpn", "chingmu", "nokov", "natnet", "qualisys", "vicon", "ros2")
+BODY_BY_BODY = ("vrpn", "chingmu", "nokov", "ros2")
 """What these send is a message a body, of which frames are assembled."""
 FIRST_SENSOR = 300
 """Number of Chingmu's first rigid body; below are its markers."""
@@ -61,6 +61,10 @@ class VrpnConfig(Model):
     port: Port = 3883
     """TCP port of the server."""
     udp: Flag = False
+
+
+class NokovConfig(VrpnConfig):
+    """NOKOV's XINGYING: VRPN with a tracker a body. The network protocol of its SDK is not published."""
 
 
 class ChingmuConfig(Model):
@@ -140,7 +144,7 @@ class MocapConfig(Model):
     names: the lab's body for what the source calls it (Chingmu: the sensor's number), where the two differ.
     """
 
-    source: Literal["zenoh", "csv", "vrpn", "chingmu", "natnet", "qualisys", "vicon", "ros2"] = "zenoh"
+    source: Literal["zenoh", "csv", "vrpn", "chingmu", "nokov", "natnet", "qualisys", "vicon", "ros2"] = "zenoh"
     """Protocol by which poses arrive."""
     file: str | None = None
     """Recording that the source `csv` plays."""
@@ -162,6 +166,7 @@ class MocapConfig(Model):
     """Whether a pose that repeats to the last bit, of a body with noise, counts as not seen; of the same sources."""
     vrpn: VrpnConfig | None = None
     chingmu: ChingmuConfig | None = None
+    nokov: NokovConfig | None = None
     natnet: NatNetConfig | None = None
     qualisys: QualisysConfig | None = None
     vicon: ViconConfig | None = None

@@ -154,7 +154,7 @@ class MocapCore:
         return self._seq
 
 
-QUATERNIONS = {"vrpn": np.float64, "chingmu": np.float64, "ros2": np.float64, "natnet": np.float32}
+QUATERNIONS = {"vrpn": np.float64, "chingmu": np.float64, "nokov": np.float64, "ros2": np.float64, "natnet": np.float32}
 MATRICES = {"qualisys": np.float32, "vicon": np.float64}
 """The numbers that each source sends, and as what."""
 

@@ -5,7 +5,7 @@ from math import ceil
 from formation.guidance.patterns import triangle
 from formation.vehicle.profile import VehicleProfile
 
-WITH_HOST = ("vicon", "natnet", "qualisys", "vrpn", "chingmu", "ros2")
+WITH_HOST = ("vicon", "natnet", "qualisys", "vrpn", "chingmu", "nokov", "ros2")
 SOURCES = (*WITH_HOST, "zenoh")
 FILE = """\
 # A leader and its followers. Metres; x forward, y left, z up; floor z = 0. Every key: the manual's page "Lab file".

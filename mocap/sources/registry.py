@@ -83,7 +83,7 @@ def open_source(config: LabConfig, bus: MocapBus, feed: Feed) -> Source:
             return BusSource(bus, feed)
         case "csv":
             return Recording(config, lambda: bus.has_subscribers, feed)
-        case "vrpn":
+        case "vrpn" | "nokov":
             from mocap.sources.vrpn.session import vrpn_source
 
             return vrpn_source(config, feed)

@@ -11,6 +11,7 @@ from wire.clock import Clock
 SOURCE_OF = {
     "vrpn": "vrpn",
     "chingmu": "chingmu",
+    "nokov": "nokov",
     "natnet": "natnet",
     "qtm": "qualisys",
     "vicon": "vicon",
@@ -39,7 +40,7 @@ def server_for(mocap: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> Ser
 
 def _named_server(mocap: MocapConfig, names: tuple[str, ...], clock: Clock) -> Server:
     match mocap.source:
-        case "vrpn":
+        case "vrpn" | "nokov":
             from sim.cameras.servers.vrpn import vrpn_server
 
             return vrpn_server(mocap, names, clock)

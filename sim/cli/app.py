@@ -28,7 +28,7 @@ app = program(
     "Exit codes: 0 flown; 1 aborted, or less than required; 2 something given is not right; "
     "3 starved, the machine was too slow for the simulators; 130 interrupted.",
 )
-Protocol = Literal["vrpn", "chingmu", "natnet", "qtm", "vicon", "ros2"]
+Protocol = Literal["vrpn", "chingmu", "nokov", "natnet", "qtm", "vicon", "ros2"]
 
 
 def _scenarios(incomplete: str) -> list[str]:

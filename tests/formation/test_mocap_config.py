@@ -61,7 +61,8 @@ def test_what_cannot_be_meant_is_refused(values: dict[str, object], why: str) ->
 
 @pytest.mark.parametrize(("source", "unit", "unit_m"), [
     ("vrpn", None, 1.0), ("vrpn", "mm", 0.001), ("natnet", None, 1.0), ("natnet", "cm", 0.01),
-    ("chingmu", None, 0.001), ("qualisys", None, 0.001), ("vicon", None, 0.001), ("chingmu", "m", 1.0),
+    ("chingmu", None, 0.001), ("nokov", None, 1.0), ("qualisys", None, 0.001),
+    ("vicon", None, 0.001), ("chingmu", "m", 1.0),
 ])  # fmt: skip
 def test_units_are_the_systems_own_unless_the_file_says_otherwise(source: str, unit: str | None, unit_m: float) -> None:
     assert MocapConfig.model_validate({"source": source, "unit": unit}).unit_m == unit_m

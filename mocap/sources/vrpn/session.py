@@ -280,8 +280,8 @@ class Datagrams:
 
 
 def vrpn_source(config: LabConfig, feed: Feed) -> "VrpnSource":
-    """Source `vrpn`."""
-    server = config.mocap.vrpn or VrpnConfig()
+    """Source `vrpn`, and NOKOV's, which is no other."""
+    server = (config.mocap.nokov if config.mocap.source == "nokov" else config.mocap.vrpn) or VrpnConfig()
     return VrpnSource(server, server.udp, _knowledge(config, Trackers(_bodies(config), feed.name), feed))
 
 

@@ -227,7 +227,7 @@ class Address:
 
 def vrpn_server(config: MocapConfig, bodies: tuple[str, ...], clock: Clock) -> "VrpnServer":
     """A tracker a body."""
-    at = config.vrpn or VrpnConfig()
+    at = (config.nokov if config.source == "nokov" else config.vrpn) or VrpnConfig()
     kind = TrackerEach(config.unit_m)
     return VrpnServer(Address(at.host, at.port), kind, bodies, messages.COOKIE, clock)
 

@@ -34,6 +34,7 @@ SYSTEMS: dict[str, tuple[str, dict[str, Any]]] = {
     "vrpn": ("vrpn", {}),
     "vrpn by datagrams": ("vrpn", {"udp": True}),
     "chingmu": ("chingmu", {}),
+    "nokov": ("nokov", {}),
     "natnet 3.0, unicast": ("natnet", {"interface": "127.0.0.2", "multicast": ""}),
     "natnet 4.2, multicast": ("natnet", {"multicast": "239.255.42.99"}),
     "qualisys": ("qualisys", {}),

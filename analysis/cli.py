@@ -40,7 +40,7 @@ Base = Annotated[
         help="A shipped vehicle, or a profile's TOML file, to start from; none: the flight's own, or paper_40g.",
     ),
 ]
-PngOut = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The PNG; without it beside the log.")]
+PictureOut = Annotated[Path | None, typer.Option("--out", metavar="FILE", help="The picture; else beside the log.")]
 
 
 @app.command()
@@ -237,12 +237,19 @@ def audit(log: LogPath, as_json: Json = False) -> None:
 
 
 @app.command()
-def picture(log: LogPath, out: PngOut = None, overwrite: Overwrite = False, as_json: Json = False) -> None:
+def picture(
+    log: LogPath,
+    gif: Annotated[bool, typer.Option("--gif", help="As an animation in 3-D instead, of at most 3 MB.")] = False,
+    out: PictureOut = None,
+    overwrite: Overwrite = False,
+    as_json: Json = False,
+) -> None:
     """Draw a flight on one sheet, as a PNG."""
+    from analysis.animation import animation
     from analysis.picture import picture as draw_picture
 
-    with refusing(), new_file(out or log.with_suffix(".png"), overwrite) as path:
-        draw_picture(log, path)
+    with refusing(), new_file(out or log.with_suffix(".gif" if gif else ".png"), overwrite) as path:
+        (animation if gif else draw_picture)(log, path)
     typer.echo(json.dumps({"file": str(path)}) if as_json else path)
 
 

@@ -9,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image, ImageChops
 from rich.console import Console
 from typer.testing import CliRunner
 
+from analysis.animation import FRAMES
 from analysis.check import check
 from analysis.cli import app
 from analysis.compare import _flown_with
@@ -300,3 +302,27 @@ def test_the_picture_is_written_beside_the_log(log: Path, tmp_path: Path, monkey
     assert done.exit_code == 0, done.output
     assert log.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_animation_shows_the_flight_from_take_off_to_landing_in_3_mb(log: Path):
+    done = CliRunner().invoke(app, ["picture", str(log), "--gif"])
+    assert done.exit_code == 0, done.output
+    gif = log.with_suffix(".gif")
+    assert gif.stat().st_size < 3e6
+    with Image.open(gif) as shown:
+        assert (shown.n_frames, shown.info["loop"]) == (FRAMES, 0)
+        first, last = shown.convert("RGB"), (shown.seek(FRAMES - 1), shown.convert("RGB"))[1]
+    changed = np.asarray(ImageChops.difference(first, last)).any(axis=-1)
+    upper, lower = np.split(changed, [int(0.73 * len(changed))])
+    assert upper.any()  # the drones
+    assert lower.any()  # their error
+
+
+def test_a_log_without_a_pose_has_no_animation(tmp_path: Path):
+    path = tmp_path / "flight.mcap"
+    with LogWriter(path, METADATA, threaded=False) as writer:
+        for record in records(Recipe()):
+            if record.topic != topics.MOCAP:
+                writer.write(record.topic, record.message, record.t_ns)
+    refused = CliRunner().invoke(app, ["picture", str(path), "--gif"])
+    assert (refused.exit_code, refused.stderr) == (2, f"gcs-log: {path}: holds no pose to draw\n")

@@ -79,7 +79,8 @@ reference: $(VENV)/.fly
 # The pictures of README and manual again, but for Rerun's window. The page's need Chromium.
 pictures: $(VENV)/.test
 	$(BIN)/gcs-sim run triangle_circle --out $(VENV)/pictures
-	$(BIN)/gcs-log picture $(VENV)/pictures/flight.mcap --out docs/flight.png
+	$(BIN)/gcs-log picture $(VENV)/pictures/flight.mcap --overwrite --out docs/flight.png
+	$(BIN)/gcs-log picture $(VENV)/pictures/flight.mcap --gif --overwrite --out docs/flight.gif
 	$(BIN)/python -m tools.figures.page_pictures docs/page
 
 # The newest version of every package that is needed, with hashes, into requirements.txt. uv is no part of what is tested.

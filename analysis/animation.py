@@ -38,7 +38,7 @@ class _Scene:
         self._t_s = poses.t_s
         self._pos_lab_m = np.where(poses.seen[..., None], poses.pos_lab_m, np.nan)
         flying = np.flatnonzero(airborne(flight, poses.t_s))
-        ends = (flying[0], flying[-1]) if len(flying) else (0, len(poses) - 1)
+        ends = (int(flying[0]), int(flying[-1])) if len(flying) else (0, len(poses) - 1)
         self._chosen = np.linspace(*ends, FRAMES).astype(int)
         fig = Figure(figsize=(6.6, 5.6))
         self._canvas = FigureCanvasAgg(fig)
@@ -70,9 +70,12 @@ class _Scene:
         trails_lab_m = self._pos_lab_m[self._chosen[0] : k + 1 : 3]
         now_lab_m = self._pos_lab_m[k]
         for i, (trail, dot) in enumerate(zip(self._trails, self._dots, strict=True)):
-            trail.set_data_3d(*trails_lab_m[:, i].T)
-            dot.set_data_3d(*now_lab_m[i : i + 1].T)
-        self._shape.set_data_3d(*np.concatenate((now_lab_m, now_lab_m[:1])).T)
+            trail.set_data_3d(*trails_lab_m[:, i].T)  # type: ignore[attr-defined]
+            dot.set_data_3d(*now_lab_m[i : i + 1].T)  # type: ignore[attr-defined]
+        self._shape.set_data_3d(  # type: ignore[attr-defined]
+            *np.concatenate((now_lab_m, now_lab_m[:1])).T
+        )
         self._ahead.set(x=self._t_s[k], width=self._end_s - self._t_s[k])
-        self._canvas.draw()
-        return Image.fromarray(np.asarray(self._canvas.buffer_rgba())).convert("RGB")
+        self._canvas.draw()  # type: ignore[no-untyped-call]
+        rgba = np.asarray(self._canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+        return Image.fromarray(rgba).convert("RGB")

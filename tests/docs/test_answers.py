@@ -22,7 +22,7 @@ QUESTIONS = {
     "spare drone": ("howto/companion", "to put it in the place of"),
     "several rooms": ("howto/rooms", 'include = "hall.toml"'),
     "space drones above": ("howto/downwash", "spacing aside helps"),
-    "trust simulator": ("explanation/results", "simulator"),
+    "trust simulator": ("explanation/trust", "simulator"),
     "matlab": ("tutorials/analyse", "```matlab"),
     "cite": ("howto/publish", "citation.cff"),
     "tune gains": ("howto/identify-tune", "gcs-sim tune"),

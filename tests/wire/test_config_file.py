@@ -219,7 +219,7 @@ def test_a_lab_flies_in_the_room_that_it_includes_and_what_it_says_itself_wins(t
     [
         (ROOM.replace("200.0", "-1"), GOOD, "{room}:4 mocap.rate_hz: should be greater than 0 (it is -1)"),
         (ROOM.replace("host", "hots"), GOOD, "{room}:7 mocap.vicon.hots: is not a known key: is host meant?"),
-        (ROOM, f"{GOOD}[mocap]\nrate_hz = -1\n", "{lab}:10 mocap.rate_hz: should be greater than 0 (it is -1)"),
+        (ROOM, f"{GOOD}[mocap]\nrate_hz = -1\n", "{lab}:11 mocap.rate_hz: should be greater than 0 (it is -1)"),
         (f"include = 'x.toml'\n{ROOM}", GOOD, "{room}: include: {lab} includes this file, which may include none"),
         ("x = ", GOOD, "{lab}: include: {room}: "),
     ],

@@ -11,6 +11,7 @@ import typer
 
 from drone_agent.guard.stages import table_markdown
 from formation.names import meant
+from mavlink_formation.installation import install_command
 from wire.clock import Clock
 from wire.errors import ConfigError
 from wire.process.daemon import STARVED, StarvedError
@@ -168,9 +169,7 @@ def _crazyflies(configs: "list[CrazyflieConfig]", report: "EventSink", clock: Cl
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] != "cflib":
             raise
-        raise ConfigError(
-            ["drone-agent: bridge: cflib is not here: pip install 'mavlink-formation[crazyflie]'"]
-        ) from error
+        raise ConfigError([f"drone-agent: bridge: cflib is not here: {install_command('crazyflie')}"]) from error
     return run_crazyflies(configs, report, clock)
 
 

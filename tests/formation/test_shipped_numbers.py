@@ -22,14 +22,14 @@ HELD = {
        ("its flight", LAB.flight), ("its leader's path", LAB.leader.trajectory))},
 }  # fmt: skip
 FINGERPRINTS = {
-    "preset default": "3fa59ce6a284",
-    "preset pid_leader": "d81fc1000e34",
+    "preset default": "ab247502a8f2",
+    "preset pid_leader": "320a969e0235",
     "preset paper": "855c6d295fb7",
     "preset paper_istsmc": "fb5b7db8a0d3",
     "preset paper_smc": "5735ab54c89e",
     "preset pid": "5276d90dcfbc",
     "preset geometric": "8ee7e3e8b8f4",
-    "preset no_downwash": "dff06b99929c",
+    "preset no_downwash": "27a282a463d0",
     "vehicle paper_40g": "1770b884a6f6",
     "vehicle paper_40g_printed": "1486635ff446",
     "vehicle px4_quad": "2ed2b7fc8b12",
@@ -37,7 +37,7 @@ FINGERPRINTS = {
     "vehicle crazyflie_27g": "37c03f0ed4dc",
     "vehicle quad_250g": "e244328d0ca7",
     "vehicle x500": "6a50cf2c3da8",
-    "a lab that says nothing of its limits": "3f59af96b470",
+    "a lab that says nothing of its limits": "f48e67dada4f",
     "a lab that says nothing of its flight": "338d792971a9",
     "a lab that says nothing of its leader's path": "b827c930e182",
 }

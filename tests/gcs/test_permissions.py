@@ -133,8 +133,8 @@ def test_a_velocity_taken_from_gps_is_reported():
 
 def test_an_autopilot_of_another_kind_is_rejected():
     link = a_link()
-    Drone().say(link, beat(MavAutopilot.GENERIC))
-    assert autopilot_reasons(link) == ("left: autopilot GENERIC is neither PX4 nor ArduPilot",)
+    Drone().say(link, beat(MavAutopilot.INVALID))
+    assert autopilot_reasons(link) == ("left: autopilot INVALID is neither PX4 nor ArduPilot",)
 
 
 def test_lesser_parameters_only_warn():

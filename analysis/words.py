@@ -18,7 +18,7 @@ DIRECTIONS = (("ahead of", "behind"), ("left of", "right of"), ("above", "below"
 LEADER_FAR_M = 0.02
 GAP_FRAMES = 2.5  # a wait longer than this many usual frame spacings is a gap
 
-MEMBERSHIP = (EventCode.SHAPE, EventCode.TRAJECTORY, EventCode.EXCLUDED, EventCode.RELEASED)
+MEMBERSHIP = (EventCode.SHAPE, EventCode.TRAJECTORY, EventCode.EXCLUDED, EventCode.REPLACED, EventCode.RELEASED)
 """Events by which the formation became another one: its shape, its way, who flies in it."""
 
 

@@ -74,6 +74,7 @@ class EventCode(StrEnum):
     PILOT = auto()
     RELEASED = auto()
     EXCLUDED = auto()
+    REPLACED = auto()
     NOT_LANDED = auto()
     TRAJECTORY = auto()
     SHAPE = auto()

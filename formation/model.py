@@ -6,6 +6,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
+from formation.requests import SYSID_MOST
+
 LARGEST, SMALLEST = 1e6, 1e-9
 """No length, time, angle or mass of a lab is larger, and none that has to be there is smaller."""
 
@@ -49,7 +51,7 @@ def _name(text: str) -> str:
 
 Name = Annotated[str, AfterValidator(_name)]
 """What may stand in a file's name, a key on the bus, a terminal and a page as it is."""
-SysId = Annotated[int, NoFlag, Field(ge=1, le=250)]
+SysId = Annotated[int, NoFlag, Field(ge=1, le=SYSID_MOST)]
 NO_ROTATION: QuatTuple = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -62,7 +64,7 @@ class Model(BaseModel):
 UNIT_WITHIN = 0.01
 """How far a quaternion's length may be off 1: what is written with three decimals is near enough."""
 TILT_MOST_RAD = 1.2  # safety cuts a drone's motors at 1.3 rad
-PORT_MOST, SYSID_MOST = 65_535, 250
+PORT_MOST = 65_535
 
 
 def _unit(q: QuatTuple) -> QuatTuple:

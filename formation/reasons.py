@@ -59,6 +59,18 @@ class Reason(Enum):
     LEADER_NEEDED = "{}: nothing is formed without the leader{}"
     NONE_LEFT = "no follower would be left{}"
     NOT_FLYING = "{}: does not fly in the formation"
+    # A spare
+    NO_SYSID = "{!r} is no system id: 1 to 250"
+    SYSID_IN_USE = "system {} is {}'s already"
+    OWN_LINK = (
+        "{}: its link {} is its own: write the spare's link and sysid into the lab file, and start `gcs run` again"
+    )
+    KEYS_BY_SYSID = "this lab has keys, made by system id: write sysid = {} into the lab file, then `gcs keys new`"
+    SPARE_UNHEARD = (
+        "nothing is heard of system {0}: is it on, and its bridge (`drone-agent --lab ... --body {1} --sysid {0}`)?"
+    )
+    SPARE_ARMED = "system {}: armed: it takes a place disarmed, on the floor"
+    SPARE_AWAITED = "another spare is listened for: ask again"
     # Shapes and trajectories
     LEADER_OBSERVED = "{}: it is only observed, and flies what it flies"
     LEADER_UNSEEN = "{}: no fresh pose, there is nothing to form on"

@@ -6,6 +6,8 @@ from enum import StrEnum
 LAB = "lab"
 ENDPOINT = "tcp/127.0.0.1:7447"
 """Where a lab's ground is asked, where nothing else is said."""
+SYSID_MOST = 250
+"""The largest MAVLink system id of a drone."""
 GCS_NAME = "main"
 """The ground of a lab that has one: its name on the bus."""
 
@@ -29,6 +31,7 @@ class Verb(StrEnum):
     STOP = "stop"
     EXCLUDE = "exclude"
     INCLUDE = "include"
+    REPLACE = "replace"
     SHAPE = "shape"
     TRAJECTORY = "trajectory"
     RESET = "reset"
@@ -40,7 +43,7 @@ class Verb(StrEnum):
         return self.value.replace("_", "-")
 
 
-ANSWER_S, ARMING_S = 3.0, 20.0
+ANSWER_S, SPARE_S, ARMING_S = 3.0, 6.0, 20.0
 
 
 def time_ns(argument: str) -> int | None:
@@ -49,8 +52,9 @@ def time_ns(argument: str) -> int | None:
 
 
 def answer_s(verb: Verb) -> float:
-    """How long the ground's answer is awaited where no other time is given, s: autopilots take their time to arm."""
-    return ARMING_S if verb is Verb.ARM else ANSWER_S
+    """How long the ground's answer is awaited where no other time is given, s: autopilots take their time to arm, and
+    a spare beats once a second."""
+    return {Verb.ARM: ARMING_S, Verb.REPLACE: SPARE_S}.get(verb, ANSWER_S)
 
 
 @dataclass(frozen=True, slots=True)

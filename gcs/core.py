@@ -35,11 +35,12 @@ from formation.messages import (
 )
 from formation.own_law.flight import OwnLaws
 from formation.own_law.law import Answer, LawGuard, unlimited
+from formation.reasons import Reject
 from formation.safety import rules
 from formation.safety.phases import CHANGES_NO_PHASE, STREAMING, Trigger
 from formation.safety.rules import Facts
 from formation.topics import Topic
-from gcs import formation_change
+from gcs import formation_change, spare
 from gcs.alarms import ACKNOWLEDGED
 from gcs.drones.autopilot_model import streams
 from gcs.drones.drone import Drone
@@ -62,6 +63,7 @@ from gcs.safety import (
     host_events,
     measured_specific_forces,
 )
+from gcs.spare import Spare
 from gcs.state import About, ground_state
 from wire.ground_state import Counters, GroundState
 from wire.lab_surroundings import law_of, printing_to_stderr
@@ -100,11 +102,9 @@ class GcsCore:
         self._t0_ns, self._session = t0_ns, session
         self._without, self._gains = without, gains
         self._host = HostReport()
-        self._drones = tuple(Drone(i, self._link(config, i)) for i in config.commanded)
+        self._drones = tuple(Drone(i, self._link(i, config.vehicles[i].sysid or 0)) for i in config.commanded)
         self._links = {drone.link.sysid: drone.link for drone in self._drones}
         self._packets = Packets(self._drones, session, t0_ns)
-        for link in self._links.values() if STOP_REPEAT in without else ():
-            link.commands.urgent_retry_ns = COMMAND_RETRY_NS
         self._hold_off = SetpointHoldOff(config.commanded, len(config.vehicles), on=SETPOINT_HOLD_OFF not in without)
         self._own = own_laws(config, law_guard)
         self._stack = self._fresh_stack()
@@ -123,6 +123,8 @@ class GcsCore:
         self._requests: list[OperatorRequest] = []
         self._stops: list[OperatorRequest] = []
         self._arming_request: int | None = None
+        self._spare: Spare | None = None
+        self._unmet: list[UnmetParameter] = []
         self._tick_ns = t0_ns
         self._due = False
         self.watchdog_ns = round(3.0 / config.mocap.rate_hz * 1e9)
@@ -136,10 +138,12 @@ class GcsCore:
         profiles = tuple(self._config.profile_of(vehicle) for vehicle in self._config.vehicles)
         return ControlStack(self._config, profiles, self._gains, self._without, self._own, self._hold_off)
 
-    def _link(self, config: LabConfig, i: int) -> DroneLink:
-        vehicle = config.vehicles[i]
-        sysid, profile, address = vehicle.sysid or 0, config.profile_of(vehicle), ground_address(self._session)
-        return DroneLink(vehicle, sysid, profile, streams(config), config.origin, address)
+    def _link(self, i: int, sysid: int) -> DroneLink:
+        config, vehicle, address = self._config, self._config.vehicles[i], ground_address(self._session)
+        link = DroneLink(vehicle, sysid, config.profile_of(vehicle), streams(config), config.origin, address)
+        if STOP_REPEAT in self._without:
+            link.commands.urgent_retry_ns = COMMAND_RETRY_NS
+        return link
 
     @property
     def phase(self) -> Phase:
@@ -170,6 +174,7 @@ class GcsCore:
                 self._flight.events += host_events(before, self._host)
                 self._due = True
             case UnmetParameter():
+                self._unmet.append(message)
                 if message.sysid in self._links:
                     self._links[message.sysid].boot_parameters.note_unmet(message.parameter, message.t_ns)
 
@@ -203,7 +208,7 @@ class GcsCore:
         # After a reinitialisation nothing is sent that was computed for drones at rest.
         current = stages if self._stack is stack else None
         self._flight.update(current, now_ns)
-        replies += self._answer_arming(now_ns)
+        replies += self._answer_arming(now_ns) + self._answer_spare(now_ns)
         streamed = None if current is None or self._flight.phase not in STREAMING else current.target
         datagrams = self._packets.due(frame, streamed, now_ns)
         self._deadline_ns = self._compute_deadline_ns(now_ns)
@@ -302,21 +307,16 @@ class GcsCore:
         """Judge a request and apply it; `arm` is answered when every drone has armed, or has not."""
         excluded, reasons = formation_change.participation(request, self._flight)
         now = self._situation(self._facts(now_ns), excluded, now_ns)
+        if request.verb is Verb.REPLACE:
+            reasons = spare.reject_reasons(request, now, self._links)
         judged = Judged(out_of_turn(request.verb, self.phase) or reasons or reject_reasons(request.verb, now))
         if not judged.reasons:
             judged = formation_change.judge(request, self._flight, now.facts, self._stages, now_ns)
         if judged.reasons:
-            text = "; ".join(reject.text for reject in judged.reasons)
-            self._flight.events.append(
-                Event(
-                    Severity.NOTICE,  # the asker has the reply; nobody else has to act
-                    "operator",
-                    f"{request.verb} refused: {text}",
-                    code=EventCode.REQUEST_REJECTED,
-                    subject=request.verb,
-                )
-            )
-            return [OperatorReply(request.id, False, text, tuple(reject.reason.code for reject in judged.reasons))]
+            return self._reject(request.id, request.verb, judged.reasons)
+        if request.verb is Verb.REPLACE:
+            self._listen_for_spare(request, now_ns)
+            return []
         self._flight.exclude(excluded)
         judged.apply()
         self._execute(request, now_ns)
@@ -324,6 +324,46 @@ class GcsCore:
             self._arming_request = request.id
             return []
         return [OperatorReply(request.id, True, done_text(self._flight))]
+
+    def _reject(self, request: int, verb: Verb, reasons: tuple[Reject, ...]) -> list[OperatorReply]:
+        text = "; ".join(reject.text for reject in reasons)
+        self._flight.events.append(
+            Event(
+                Severity.NOTICE,  # the asker has the reply; nobody else has to act
+                "operator",
+                f"{verb} refused: {text}",
+                code=EventCode.REQUEST_REJECTED,
+                subject=verb,
+            )
+        )
+        return [OperatorReply(request, False, text, tuple(reject.reason.code for reject in reasons))]
+
+    def _listen_for_spare(self, request: OperatorRequest, now_ns: int) -> None:
+        body, sysid = spare.asked_of(request)
+        drone = next(drone for drone in self._drones if drone.link.name == body)
+        link = self._links[sysid] = self._link(drone.index, sysid)
+        for unmet in self._unmet:
+            if unmet.sysid == sysid:
+                link.boot_parameters.note_unmet(unmet.parameter, unmet.t_ns)
+        self._spare = Spare(request.id, drone, link, now_ns)
+
+    def _answer_spare(self, now_ns: int) -> list[OperatorReply]:
+        """Have a spare take its place once it is heard, or refuse it."""
+        found, flight = self._spare, self._flight
+        if found is None or not (found.is_due(now_ns) or out_of_turn(Verb.REPLACE, self.phase)):
+            return []
+        self._spare = None
+        now = self._situation(self._facts(now_ns), flight.excluded, now_ns)
+        if reasons := out_of_turn(Verb.REPLACE, self.phase) or found.reject_reasons(now):
+            del self._links[found.link.sysid]
+            return self._reject(found.request, Verb.REPLACE, reasons)
+        del self._links[found.drone.link.sysid]
+        flight.exchange(found.drone, found.link, now_ns)
+        # Nothing is kept that was learnt of the drone before: its targets, its attitude's errors, its estimates.
+        self._packets = Packets(self._drones, self._session, now_ns)
+        self._gatherer = FactGatherer(self._config, self._drones)
+        self._stack = self._fresh_stack()
+        return [OperatorReply(found.request, True, f"{found.words}; {done_text(flight)}")]
 
     def _situation(self, facts: Facts, excluded: Collection[str], now_ns: int) -> Situation:
         return Situation(self._config, self._drones, self._flight, self._host, self._without, facts, now_ns, excluded)

@@ -10,7 +10,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from traceback import walk_tb
@@ -40,10 +40,11 @@ from formation.requests import ENDPOINT, GCS_NAME, time_ns
 from gcs.alarms import EventMemory
 from gcs.core import GcsCore
 from gcs.doctor.restart_record import watch_record
-from gcs.drones.links import close_links, open_links
+from gcs.drones.links import close_links, open_links, open_shared
 from gcs.lab.findings import judge_margins
 from gcs.recording import Input, Recorder, run_metadata
 from gcs.security.roles import by_role
+from gcs.spare import asked_of
 from gcs.stop_button import watch_button
 from gcs.warm_up import warm_up
 from mocap.service import ServiceError, mocap_service
@@ -106,6 +107,9 @@ class Ground:
         self.timing = Timing()
         self.links: Mapping[int, Link] = {}
         """By sysid; before they are open nothing is sent."""
+        self.open_link: Callable[[int], Awaitable[Link]] | None = None
+        """Opens the link of one more system id; None in a lab with keys, which are made by system id."""
+        self._opening: asyncio.Task[None] | None = None
         self._core = core
         self.log = log
         self._recorder = Recorder(log.write)
@@ -158,6 +162,11 @@ class Ground:
         if request.verb is Verb.STATUS:
             reply(OperatorReply(request.id, True, self._state_text(now_ns)))
             return
+        sysid = asked_of(request)[1] if request.verb is Verb.REPLACE and self.phase is Phase.GROUND else 0
+        is_opening = self._opening is not None and not self._opening.done()
+        if sysid and sysid not in self.links and self.open_link is not None and not is_opening:
+            self._opening = self._loop.create_task(self._open_and_ask(self.open_link(sysid), sysid, request, reply))
+            return
         self._request_id += 1
         self._state_ns = None
         asked_id = request.id
@@ -166,6 +175,16 @@ class Ground:
             request = replace(request, argument=on_own_clock(request.argument, self._clock.pair()))
         self._input(replace(request, id=self._request_id), now_ns)
         self._tick(now_ns)
+
+    async def _open_and_ask(self, opening: Awaitable[Link], sysid: int, request: OperatorRequest, reply: Reply) -> None:
+        """Hear a spare first, then ask; a link that cannot be opened is the answer."""
+        try:
+            self.links = {**self.links, sysid: await opening}
+        except OSError as error:
+            self.report_beside(Event(Severity.NOTICE, "operator", f"{request.verb} refused: {error}"))
+            reply(OperatorReply(request.id, False, str(error)))
+            return
+        self.receive_request(request, reply)
 
     async def watch(self) -> None:
         """Tick where a frame is overdue, which makes the tick late, or an answer waits, which does not; for ever."""
@@ -380,6 +399,8 @@ async def run(
             elif bus.is_joined and not config.link.names_bus:
                 ground.report(BORROWED)
             ground.links = await open_links(config, bus, ground.receive_datagram)
+            if config.security is None:
+                ground.open_link = lambda sysid: open_shared(config, bus, [sysid], ground.receive_datagram)
             try:
                 know_other_grounds(bus, name, session, ground)
                 await _serve(config, lab_file, ground, bus, name, clock)

@@ -25,6 +25,7 @@ from formation.messages import Cause, Event, EventCode, Phase, PhaseChange, Seve
 from formation.safety.phases import AFTER_STOP, AIRBORNE, Trigger, advance
 from formation.safety.rules import Verdict
 from gcs.drones.drone import TAKE_OFF_S, Drone
+from gcs.drones.link_state import DroneLink
 from gcs.drones.stages import Stage
 from gcs.drones.stages import Trigger as DroneTrigger
 from gcs.landing import FIRST_FRAME_NS, Descent, descent, landed_text, landing_spots, late_text
@@ -94,6 +95,13 @@ class Flight:
             if drone.excluded != before:
                 text = f"{name} is left out" if drone.excluded else f"{name} takes part again"
                 self._report(Severity.NOTICE, text, EventCode.EXCLUDED, name)
+
+    def exchange(self, drone: Drone, link: DroneLink, now_ns: int) -> None:
+        """Have the drone behind that link take this one's place, on the ground."""
+        before, name = drone.link.sysid, link.name
+        drone.exchange(link, now_ns)
+        text = f"{name}: system {link.sysid} takes the place of system {before}"
+        self._report(Severity.NOTICE, text, EventCode.REPLACED, name)
 
     def leave(self, body: str, spot_m: tuple[float, float]) -> None:
         """Land that drone alone, there; the others fly on without it."""

@@ -300,6 +300,7 @@ CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
         Verb.RESET: (all_stopped,),
         Verb.EXCLUDE: (),
         Verb.INCLUDE: (),
+        Verb.REPLACE: (),
         Verb.SHAPE: (leader_seen_in_formation, not_led_home),
         Verb.TRAJECTORY: (leader_commanded,),
     }

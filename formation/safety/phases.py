@@ -89,6 +89,7 @@ CHANGES_NO_PHASE: Mapping[Verb, tuple[Phase, ...]] = MappingProxyType(
     {
         Verb.EXCLUDE: (Phase.GROUND, Phase.STOPPED),
         Verb.INCLUDE: (Phase.GROUND,),
+        Verb.REPLACE: (Phase.GROUND,),
         Verb.RESUME: (Phase.HOLD,),
         Verb.HOME: (Phase.HOLD, Phase.FORMATION),
         # Neither while the leader flies one, nor while it waits for its slots to be taken.

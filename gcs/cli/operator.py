@@ -15,7 +15,16 @@ import typer
 
 from formation.codes import Phase
 from formation.guidance.shape_request import ShapeRequest
-from formation.requests import ANSWER_S, CONFIGURED, GCS_NAME, OperatorReply, OperatorRequest, Verb, answer_s
+from formation.requests import (
+    ANSWER_S,
+    CONFIGURED,
+    GCS_NAME,
+    SYSID_MOST,
+    OperatorReply,
+    OperatorRequest,
+    Verb,
+    answer_s,
+)
 from wire import clock
 from wire.errors import BusError, ConfigError
 from wire.process.program import (
@@ -98,6 +107,16 @@ class _Bodies(Ground):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Replace(Ground):
+    """Whose place a spare takes, and the ground that is asked."""
+
+    body: Annotated[
+        str, typer.Argument(metavar="BODY", help="As the lab file names it.", autocompletion=offered_bodies)
+    ]
+    sysid: Annotated[int, typer.Option(min=1, max=SYSID_MOST, help="MAVLink system id of the spare.")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Land(Ground):
     """Which drone is to land, and the ground that is asked."""
 
@@ -159,6 +178,7 @@ def register(app: typer.Typer) -> None:
     app.command(Verb.STATUS.value)(status)
     app.command(Verb.EXCLUDE.value)(exclude)
     app.command(Verb.INCLUDE.value)(include)
+    app.command(Verb.REPLACE.value)(replace)
     app.command(Verb.ARM.value)(arm)
     _register(app, Verb.TAKE_CONTROL, "Take control of drones that fly without a ground, and hold them where they are.")
     _register(app, Verb.TAKEOFF, "Take off to the configured height, then hold.")
@@ -201,6 +221,15 @@ def exclude(asked: _Bodies) -> None:
 def include(asked: _Bodies) -> None:
     """Take drones in again that were left out; they are to be ready to arm."""
     _command(Verb.INCLUDE, ",".join(asked.bodies), asked)
+
+
+@with_options(_Replace)
+def replace(asked: _Replace) -> None:
+    """On the ground, have a spare take a drone's place until the ground ends; the lab file stays as it is.
+
+    Its guard is started first: drone-agent --lab LAB.TOML --body BODY --sysid N.
+    """
+    _command(Verb.REPLACE, f"{asked.sysid} {asked.body}", asked)
 
 
 @with_options(_Land)

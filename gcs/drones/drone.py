@@ -182,6 +182,11 @@ class Drone:
         if not self.excluded:
             self.enter(Trigger.DISARM, now_ns)
 
+    def exchange(self, link: DroneLink, now_ns: int) -> None:
+        """Another drone stands in its place, behind that link."""
+        self.link, self.floor, self.start_lab_m, self.checked = link, LandDetector(), None, False
+        self.enter(Trigger.REST, now_ns)
+
     def arm(self, now_ns: int) -> None:
         """A flight begins, for who takes part."""
         self.floor.lifted = False

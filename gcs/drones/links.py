@@ -21,7 +21,7 @@ async def open_links(config: LabConfig, bus: ZenohBus, deliver: Deliver) -> Mapp
     for sysid, text in own.items():
         links[sysid] = await open_udp_direct(text, sysid, deliver, bus.rejections, bus.protection)
     if shared:
-        common = await _open_shared(config, bus, shared, deliver)
+        common = await open_shared(config, bus, shared, deliver)
         links.update((sysid, common) for sysid in shared)
     return links
 
@@ -32,7 +32,8 @@ def close_links(links: Mapping[int, Link]) -> None:
         link.close()
 
 
-async def _open_shared(config: LabConfig, bus: ZenohBus, sysids: list[int], deliver: Deliver) -> Link:
+async def open_shared(config: LabConfig, bus: ZenohBus, sysids: list[int], deliver: Deliver) -> Link:
+    """Open the links of these system ids that the configuration says how. OSError for a port that is taken."""
     if config.link.kind == "zenoh":
         return bus.ground_link(sysids, deliver)
     try:

@@ -19,7 +19,7 @@ QUESTIONS = {
     "raspberry pi uart": ("howto/companion", "/dev/ttyama0"),
     "marker layouts": ("howto/rigid-body", "| drone | marker 1 |"),
     "cameras wi-fi": ("explanation/time", "only drones belong on wi-fi"),
-    "spare drone": ("howto/companion", "to put it in the place of"),
+    "spare drone": ("howto/companion", "gcs replace left --sysid 7"),
     "several rooms": ("howto/rooms", 'include = "hall.toml"'),
     "space drones above": ("howto/downwash", "spacing aside helps"),
     "trust simulator": ("explanation/trust", "simulator"),

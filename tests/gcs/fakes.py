@@ -186,6 +186,8 @@ class FakeLab:
             for i, v in enumerate(config.vehicles)
             if v.sysid is not None
         }
+        self.in_place: dict[str, int] = {}
+        """Whose body another system than the lab's is."""
         self.leader_pos = np.array([0.0, 0.0, 0.3])
         self.hidden: set[str] = set()
         self.rejected: set[str] = set()
@@ -287,8 +289,9 @@ class FakeLab:
 
     def frame(self) -> LabFrame:
         vehicles = self.config.vehicles
-        pos = np.array([self.drones[v.sysid].pos if v.sysid else self.leader_pos for v in vehicles])
-        q = np.array([self.drones[v.sysid].q if v.sysid else frames.IDENTITY for v in vehicles])
+        flown = [self.drones.get(self.in_place.get(v.body, v.sysid)) for v in vehicles]
+        pos = np.array([self.leader_pos if drone is None else drone.pos for drone in flown])
+        q = np.array([frames.IDENTITY if drone is None else drone.q for drone in flown])
         pos = pos + self.noise.normal(0.0, 1e-4, pos.shape)
         pos = pos + np.array([self.shift_m.get(v.body, (0.0, 0.0, 0.0)) for v in vehicles])
         seen = np.array([v.body not in self.hidden | self.rejected for v in vehicles])

@@ -14,7 +14,7 @@ import pytest
 import gcs.daemon
 from formation import topics
 from formation.config import LabConfig, LinkConfig
-from formation.messages import Event, LabFrame, OperatorRequest, Phase, Verb
+from formation.messages import Event, LabFrame, OperatorReply, OperatorRequest, Phase, Verb
 from gcs.core import BrokenInvariantError, GcsCore, Outgoing
 from gcs.daemon import BORROWED, Ground, GroundFailure, RunResult, Timing, know_other_grounds, run
 from gcs.replay import replay
@@ -27,6 +27,7 @@ from wire.ground_state import LogFile
 from wire.logs.mcap_read import read_log
 from wire.logs.mcap_write import LogWriter
 from wire.rejections import RejectionLog
+from wire.transport.link import Link
 from wire.transport.zenoh_bus import ZenohBus
 
 FRAMES = 400
@@ -160,6 +161,41 @@ def test_an_earlier_deadline_wakes_the_daemon(tmp_path: Path) -> None:
             watching.cancel()
 
     asyncio.run(watched())
+
+
+def test_a_spares_link_is_opened_once_and_one_that_cannot_be_is_the_answer(tmp_path: Path) -> None:
+    """Taken for good where the core then refuses: nobody beats behind it here."""
+    opened: list[int] = []
+
+    async def open_link(sysid: int) -> Link:
+        opened.append(sysid)
+        if sysid == 8:
+            raise OSError("UDP ports 14548 on 127.0.0.1: taken")
+        return cast(Link, object())
+
+    async def asked(ground: Ground, argument: str) -> OperatorReply:
+        answered = asyncio.get_running_loop().create_future()
+        ground.receive_request(OperatorRequest(5, Verb.REPLACE, argument), answered.set_result)
+        for _ in range(100):
+            await asyncio.sleep(0)
+            ground._tick(ground._clock.monotonic_ns() + 4_000_000_000)
+            if answered.done():
+                break
+        return cast(OperatorReply, answered.result())
+
+    async def replies() -> list[OperatorReply]:
+        with LogWriter(tmp_path / "flight.mcap", {}, threaded=False) as log:
+            config = _lab(tmp_path)
+            core = GcsCore(config, REAL_TIME.monotonic_ns())
+            ground = Ground(config, core, log, lambda _event: None, REAL_TIME)
+            ground.open_link = open_link
+            return [await asked(ground, argument) for argument in ("8 left", "7 left", "7 left", "7 middle", "left")]
+
+    texts = [reply.text for reply in asyncio.run(replies())]
+    assert texts[0] == "UDP ports 14548 on 127.0.0.1: taken"
+    assert [text.startswith("nothing is heard of system 7") for text in texts[1:3]] == [True, True]
+    assert texts[3] == "middle: none of the lab's drones (left)"
+    assert opened == [8, 7]
 
 
 def test_what_fails_beside_the_core_is_reported_and_ends_no_flight(tmp_path, monkeypatch):

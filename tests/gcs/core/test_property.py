@@ -56,7 +56,10 @@ def _babble(lab, k):
 FAULTS = (_hide, _stop_frames, _mute, _deafen, _refuse, _take_over, _disarm, _carry_away, _babble)
 FLIGHT = (Verb.ARM, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND)
 
-ARGUMENTS = {Verb.SHAPE: "configured", Verb.TRAJECTORY: "configured", Verb.EXCLUDE: "left", Verb.INCLUDE: "left"}
+ARGUMENTS = {
+    Verb.SHAPE: "configured", Verb.TRAJECTORY: "configured", Verb.EXCLUDE: "left", Verb.INCLUDE: "left",
+    Verb.REPLACE: "9 left",
+}  # fmt: skip
 REQUESTS = (*((verb, ARGUMENTS.get(verb, "")) for verb in Verb), (Verb.LAND, "left"), (Verb.ARM, "lead,right"))
 
 steps = st.one_of(

@@ -52,6 +52,7 @@ class Cause(StrEnum):
     NOT_ARMED = auto()
     DISARMED = auto()
     LANDS_ITSELF = auto()
+    INPUT_LOST = auto()  # of who moves a drone by hand
 
 
 class EventCode(StrEnum):
@@ -79,6 +80,7 @@ class EventCode(StrEnum):
     TRAJECTORY = auto()
     SHAPE = auto()
     HOME = auto()
+    MOVED = auto()
 
 
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")

@@ -34,6 +34,7 @@ class Verb(StrEnum):
     REPLACE = "replace"
     SHAPE = "shape"
     TRAJECTORY = "trajectory"
+    MOVE = "move"
     RESET = "reset"
     ACKNOWLEDGE = "acknowledge"
 

@@ -5,7 +5,7 @@ A new phase of flight is a row of formation.safety.phases.TABLE for each trigger
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot
 from types import MappingProxyType
 from typing import NamedTuple
@@ -14,7 +14,7 @@ import numpy as np
 
 from formation.config import CONFIGURED, FlightConfig, LabConfig
 from formation.control.stack import Stages
-from formation.guidance.plan import HERE, IDLE, Mode, Plan, Setpoint
+from formation.guidance.plan import HERE, IDLE, STILL, Mode, Plan, Setpoint, Velocity
 from formation.guidance.preview import trajectory_from
 from formation.guidance.shape import Shape, configured
 from formation.guidance.trajectory import Trajectory
@@ -29,6 +29,7 @@ from gcs.drones.link_state import DroneLink
 from gcs.drones.stages import Stage
 from gcs.drones.stages import Trigger as DroneTrigger
 from gcs.landing import FIRST_FRAME_NS, Descent, descent, landed_text, landing_spots, late_text
+from gcs.moves import HELD_NS
 from gcs.safety import OpenAlarms
 
 HOME = "home"
@@ -47,6 +48,14 @@ class Home:
 
     shape_before: Shape
     reached: bool = False
+
+
+class Moved(NamedTuple):
+    """A drone that an operator moves: at which velocity, since when."""
+
+    drone: Drone
+    velocity: Velocity
+    at_ns: int
 
 
 class Flight:
@@ -77,6 +86,7 @@ class Flight:
         self._home: Home | None = None
         self.alarms = OpenAlarms(drones)
         self._too_late = False
+        self._moved: Moved | None = None
         self.events: list[Event] = []
         self.changes: list[PhaseChange] = [PhaseChange(Phase.GROUND, self.cause, self.cause_code)]
         self._drones = drones
@@ -173,6 +183,25 @@ class Flight:
                 offsets_m[k] = x, y, 0.0
         return Shape(HOME, tuple(offsets_m), self.shape.yaw_offset_rad)
 
+    def drone(self, body: str) -> Drone | None:
+        """The drone of that body; None where there is none."""
+        return next((drone for drone in self._drones if drone.link.name == body), None)
+
+    @property
+    def moved_body(self) -> str | None:
+        """Whom an operator moves; None where nobody is moved."""
+        return None if self._moved is None else self._moved.drone.link.name
+
+    def move(self, drone: Drone, velocity: Velocity, now_ns: int) -> None:
+        """Have a drone go on at a velocity for HELD_NS; that ends a leader's trajectory. Rest at first does nothing."""
+        if self._moved is None and velocity == STILL:
+            return
+        if self._moved is None:
+            self._report(Severity.NOTICE, f"{drone.link.name} is moved by hand", EventCode.MOVED, drone.link.name)
+        self._moved = Moved(drone, velocity, now_ns)
+        self.trajectory_start_ns = self.interrupted_s = None
+        drone.setpoint = replace(_brake(self.config.flight), vel_lab=velocity)
+
     def go_home(self, transition: Transition, now_ns: int) -> None:
         """Take up the shape in which the drones took off, and have the leader lead them there."""
         self._home = self._home or Home(self.shape)
@@ -245,6 +274,7 @@ class Flight:
                 name = drone.link.name
                 text = f"{name}: a pilot flies it ({drone.link.mode}), it is left alone"
                 self._report(Severity.WARNING, text, EventCode.PILOT, name)
+        self._watch_moved(now_ns)
         PHASES[self.phase].watch(self, stages, now_ns)
         if stages is not None and self.phase in (Phase.HOLD, Phase.FORMATION):
             self._watch_leaving(stages, now_ns)
@@ -263,7 +293,7 @@ class Flight:
         elif self.trajectory_start_ns is not None and not self.trajectory_done(now_ns):
             self.interrupted_s = self.trajectory_progress(now_ns)[1]
         self.trajectory_start_ns, self._settled_since_ns, self._spots, self._descent = None, None, None, None
-        self.armed, self._too_late = False, False
+        self.armed, self._too_late, self._moved = False, False, None
         if self._home is not None and phase is not Phase.FORMATION:
             self.shape, self._home = self._home.shape_before, None
         self.changes.append(PhaseChange(phase, cause, code))
@@ -351,9 +381,24 @@ class Flight:
                 self.pull(Trigger.LAND, Cause.LANDS_ITSELF, f"{drone.link.name} has begun to land meanwhile", now_ns)
                 return
 
+    def _watch_moved(self, now_ns: int) -> None:
+        """Hold a drone whose velocity nobody has confirmed: whoever moved it is gone, or cannot be heard."""
+        moved = self._moved
+        if moved is None or now_ns - moved.at_ns <= HELD_NS:
+            return
+        self._moved = None
+        if moved.velocity == STILL:
+            return
+        name = moved.drone.link.name
+        text = f"{name} is moved by nobody any more: no velocity for {HELD_NS * 1e-9:g} s"
+        moved.drone.setpoint = _brake(self.config.flight)
+        self._report(Severity.WARNING, text, EventCode.MOVED, name)
+        self.pull(Trigger.HOLD, Cause.INPUT_LOST, text, now_ns)
+
     def _watch_slots(self, stages: Stages | None, now_ns: int) -> None:
         """Start the leader's trajectory once every slot has been taken for a second."""
-        if stages is None or self.trajectory_start_ns is not None:
+        is_moved = self._home is None and self.config.leader.sysid and self._drones[0].setpoint.mode is Mode.LAB
+        if stages is None or self.trajectory_start_ns is not None or is_moved:
             return
         if float(slot_distances_m(stages, self.shape)[self.forming].max()) > IN_SLOT_M:
             self._settled_since_ns = None

@@ -19,12 +19,14 @@ from formation.guidance.shape_request import parse
 from formation.guidance.trajectory import Trajectory, anchored
 from formation.guidance.transition import Space, Transition, assigned, require_separation, transition
 from formation.maths.arrays import Bool, Float
+from formation.maths.frames import rotate_about_z
 from formation.messages import OperatorRequest, Phase, Verb
 from formation.paper.eq2_relative_frame import lead_from_lab
 from formation.reasons import LAND_ALL, Reason, Reject
 from formation.requests import time_ns
 from formation.safety.rules import Facts
 from formation.safety.rules_table import UNSEEN_S
+from gcs import moves
 from gcs.finding import Grade, Keys
 from gcs.flight import Flight
 from gcs.lab.feasibility import judge_trajectory, trajectory_text
@@ -61,6 +63,8 @@ def judge(request: OperatorRequest, flight: Flight, facts: Facts, stages: Stages
             return choose(request.argument, flight, facts, stages)
         case Verb.HOME if stages is not None:
             return home(flight, stages, now_ns)
+        case Verb.MOVE if stages is not None:
+            return move(request.argument, flight, facts, stages, now_ns)
         case Verb.LAND if request.argument:
             return leave(request.argument, flight, stages, now_ns)
         case _:
@@ -119,6 +123,38 @@ def leave(body: str, flight: Flight, stages: Stages | None, now_ns: int) -> Judg
     paths_m = np.vstack((ahead.leader[:, 0, :2], ahead.slots[:, others, 0, :2].reshape(-1, 2)))
     spot = free_spot(here_m[own], np.vstack((np.delete(here_m, own, axis=0), paths_m)), config.limits)
     return Judged(apply=partial(flight.leave, body, (float(spot[0]), float(spot[1]))))
+
+
+def move(asked: str, flight: Flight, facts: Facts, stages: Stages, now_ns: int) -> Judged:
+    """Have one drone go on at a velocity, within what its surroundings leave, or why not; in formation the leader."""
+    config, bodies = flight.config, names(flight.config)
+    found = moves.asked_of(asked)
+    if found is None:
+        return Judged((Reason.NO_VELOCITY.of(asked),))
+    body, wanted = found
+    drone, in_formation = flight.drone(body), flight.phase is Phase.FORMATION
+    if drone is None:
+        return Judged((Reason.NO_DRONE.of(body, ", ".join(bodies)),))
+    if in_formation and drone.index != 0:
+        return Judged((Reason.NOT_LEADER.of(body),))
+    if flight.moved_body not in (None, body):
+        return Judged((Reason.MOVED_ALREADY.of(flight.moved_body),))
+    if not drone.flown or not drone.floor.lifted or drone.leaving_to is not None:
+        return Judged((Reason.NOT_FLYING.of(body),))
+    if facts.age_s[drone.index] > UNSEEN_S:
+        return Judged((Reason.NO_POSE_TO_LEAD.of(body),))
+    forming = flight.forming if in_formation else np.zeros(len(config.followers), np.bool_)
+    others = [i for i in range(len(bodies)) if i != drone.index and not (i > 0 and forming[i - 1])]
+    surroundings = moves.Surroundings(
+        at_m=stages.reference.slot_lead_m[config.commanded.index(drone.index)],
+        others_m=stages.state.pos_lab_m[others][facts.age_s[others] <= UNSEEN_S],
+        clear_m=PERSONAL_SPACE * config.limits.min_separation_m,
+        slots_m=rotate_about_z(stages.state.yaw_rad[0], flight.shape.offsets[forming]),
+        fence=config.limits.fence,
+        floor_m=drone.floor.rest_z_m,
+        speed_m_s=min(config.flight.formation_change_m_s, config.limits.speed_m_s),
+    )
+    return Judged(apply=partial(flight.move, drone, moves.limited(wanted, surroundings), now_ns))
 
 
 def start(at: str, flight: Flight, stages: Stages, now_ns: int) -> Judged:

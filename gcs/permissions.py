@@ -303,6 +303,7 @@ CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
         Verb.REPLACE: (),
         Verb.SHAPE: (leader_seen_in_formation, not_led_home),
         Verb.TRAJECTORY: (leader_commanded,),
+        Verb.MOVE: (all_joined, leader_seen_in_formation, not_led_home),
     }
 )  # fmt: skip
 """The conditions of each request, beside its phase (formation.safety.phases.TABLE), in the order of a flight."""

@@ -8,6 +8,9 @@ from formation.guidance.shape import Shape
 
 Target = tuple[float | None, float | None, float | None]
 HERE: Target = (None, None, None)
+Velocity = tuple[float, float, float, float]
+"""x, y, z in `lab`, m/s, and the turn about lab z, rad/s."""
+STILL: Velocity = (0.0, 0.0, 0.0, 0.0)
 
 
 class Mode(IntEnum):
@@ -28,12 +31,14 @@ class Setpoint:
     target_lab_m: for LAB; None in a coordinate keeps it, or brakes it gently to rest where it moves. So hold is
     HERE, take-off (None, None, altitude), landing (None, None, a depth under the floor) until the floor is met.
     yaw_rad: for LAB; None keeps the heading. speed_m_s bounds the path's speed while it closes the gap.
+    vel_lab: for LAB with HERE; at this velocity it then goes on, until another setpoint comes.
     """
 
     mode: Mode
     target_lab_m: Target = HERE
     yaw_rad: float | None = None
     speed_m_s: float = 0.5
+    vel_lab: Velocity = STILL
 
 
 IDLE = Setpoint(Mode.IDLE)

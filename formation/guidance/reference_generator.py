@@ -53,7 +53,8 @@ class VehicleReference:
     """Where one commanded vehicle is being led, and from what motion it was picked up; a record.
 
     kind: POINT of the lab, SLOT in the leader's frame, or the leader's TRAJECTORY (of path_kind, begun at
-    path_start_ns); target: the resting x, y, z, heading in that frame; gap, gap_ns, gap_s, brake_s: the gap to it
+    path_start_ns); target: the resting x, y, z, heading in that frame, of a POINT
+    at gap_ns where it goes on at vel; gap, gap_ns, gap_s, brake_s: the gap to it
     (formation.guidance.trajectory) when the setpoint came, then, how long it decays, and how long its motion is braked.
     idle: to stand with motors at rest; airborne: false from then until lift-off; floor_m: the height at which it last
     stood idle, LAB_FLOOR_M if it flew from the first; release_ns: when it last ceased to be idle.
@@ -63,6 +64,7 @@ class VehicleReference:
     path_kind: int
     path_start_ns: int
     target: Vec4
+    vel: Vec4
     gap: Gap
     gap_ns: int
     gap_s: float
@@ -146,6 +148,9 @@ def reference_at(
     else:
         for column in range(4):
             slot[0, column] = vehicle.target[column]
+            if vehicle.kind == POINT and vehicle.vel[column] != 0.0:
+                slot[0, column] += vehicle.vel[column] * (t_ns - vehicle.gap_ns) * SECONDS
+                slot[1, column] = vehicle.vel[column]
     add_gap(vehicle.gap, vehicle.brake_s, (t_ns - vehicle.gap_ns) * SECONDS, vehicle.gap_s, slot)
     if vehicle.kind == SLOT:
         copy_motion(lead, frame)
@@ -256,7 +261,7 @@ class _Draft:
         new = self._vehicles[i]
         new.kind = POINT
         new.target[:] = motion[0]
-        new.gap[:] = 0.0
+        new.vel[:] = new.gap[:] = 0.0
 
     def _join(self, i: int, motion: Float) -> None:
         """To the slot, along a gap that decays in the leader's own frame, by way of the plan's detour."""
@@ -285,16 +290,19 @@ class _Draft:
             new.gap_s = max(new.gap_s, ENTRY_S)
 
     def _go(self, i: int, motion: Float) -> None:
-        """To a point of the lab; what the setpoint leaves open is braked to rest where it is."""
+        """To a point of the lab; what the setpoint leaves open is braked where it is, to rest or to its velocity."""
         new, setpoint = self._vehicles[i], self._plan.setpoints[i]
         new.kind = POINT
         wanted = (*setpoint.target_lab_m, setpoint.yaw_rad)
         new.target[:] = [motion[0, k] if value is None else value for k, value in enumerate(wanted)]
+        new.vel[:] = setpoint.vel_lab
         new.gap[:3], new.gap[3] = motion, 0.0
         new.gap[0] -= new.target
+        new.gap[1] -= new.vel
         holds = setpoint.target_lab_m[2] is None
         low, high = self._flight_volume(new, motion, holds=holds)
-        brake_s = stopping_s(new.gap, np.where(motion[1, :3] > 0.0, high - motion[0, :3], motion[0, :3] - low))
+        margin_m = np.where(motion[1, :3] > 0.0, high - motion[0, :3], motion[0, :3] - low)
+        brake_s = braking_s(new.gap) if new.vel.any() else stopping_s(new.gap, margin_m)
         for k, value in enumerate(wanted):
             if value is None:
                 new.target[k] += braked(new.gap, k, brake_s)

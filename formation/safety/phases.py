@@ -92,6 +92,7 @@ CHANGES_NO_PHASE: Mapping[Verb, tuple[Phase, ...]] = MappingProxyType(
         Verb.REPLACE: (Phase.GROUND,),
         Verb.RESUME: (Phase.HOLD,),
         Verb.HOME: (Phase.HOLD, Phase.FORMATION),
+        Verb.MOVE: (Phase.HOLD, Phase.FORMATION),
         # Neither while the leader flies one, nor while it waits for its slots to be taken.
         Verb.TRAJECTORY: (Phase.GROUND, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD),
         **dict.fromkeys((Verb.SHAPE, Verb.ACKNOWLEDGE, Verb.STATUS), tuple(Phase)),

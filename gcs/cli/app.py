@@ -19,6 +19,7 @@ import typer
 from formation.exposure import MOCAP, PAGE, TOOL, is_loopback
 from formation.names import unknown
 from formation.requests import GCS_NAME
+from gcs.cli import fly as fly_cli
 from gcs.cli import keys as keys_cli
 from gcs.cli import operator as operator_cli
 from gcs.cli import service as service_cli
@@ -399,6 +400,7 @@ operator_cli.register(app)
 app.add_typer(mocap_app, name="mocap")
 app.add_typer(keys_cli.app, name="keys")
 app.add_typer(service_cli.app, name="service")
+app.add_typer(fly_cli.app, name="fly")
 app.command()(doctor_cli.doctor)
 app.command()(doctor_cli.logs)
 

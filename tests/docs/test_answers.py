@@ -30,6 +30,7 @@ QUESTIONS = {
     "battery low": ("reference/lab-file", "`battery_low_share`"),
     "swap battery": ("howto/companion", "battery_empty_share"),
     "nokov": ("howto/nokov", 'source = "nokov"'),
+    "gamepad": ("howto/fly", "gcs fly gamepad"),
     "emergency stop": ("howto/fly", "gcs stop"),
     "pilot takes over": ("howto/fly", "## a pilot takes over"),
     "firewall": ("howto/companion", "ufw allow"),

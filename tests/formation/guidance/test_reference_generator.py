@@ -228,3 +228,17 @@ def test_who_keeps_to_its_reference_is_held_by_that() -> None:
     held = update(generator, everyone(lab_setpoint(None, None, None)), WHO, own, START[0], SECOND)
     before, after = (references(which, SECOND, START[0]).lab for which in (generator, held))
     np.testing.assert_allclose(after, before, atol=1e-12)
+
+
+def test_a_velocity_is_taken_up_smoothly_kept_exactly_and_braked_from() -> None:
+    """The braking time from 0.4 m/s is 0.6 s, and so is that of taking it up."""
+    lead, here, wanted = np.zeros((3, 4)), Setpoint(Mode.LAB), (0.4, -0.1, 0.0, 0.5)
+    moving = everyone(Setpoint(Mode.LAB, (None, None, None), vel_lab=wanted))
+    aloft = start(everyone(here), START + np.array([0.0, 0.0, 0.5, 0.0]) * (np.arange(3) == 0)[:, None], 0)
+    generator, path = fly(aloft, moving, 0.0, 3.0, lead)
+    smooth(path)
+    np.testing.assert_allclose(path[65][:, 1], [wanted] * 3, atol=1e-9)
+    np.testing.assert_allclose(path[-1][:, 0] - path[100][:, 0], np.array([wanted] * 3) * 1.99, atol=1e-9)
+    _, end = fly(generator, everyone(here), 3.0, 4.0, lead)
+    smooth(path + end)
+    np.testing.assert_allclose(end[-1][:, 1], 0.0, atol=1e-9)

@@ -58,7 +58,7 @@ FLIGHT = (Verb.ARM, Verb.TAKEOFF, Verb.START, Verb.HOLD, Verb.LAND)
 
 ARGUMENTS = {
     Verb.SHAPE: "configured", Verb.TRAJECTORY: "configured", Verb.EXCLUDE: "left", Verb.INCLUDE: "left",
-    Verb.REPLACE: "9 left",
+    Verb.REPLACE: "9 left", Verb.MOVE: "lead 0.4 0 0 0.5",
 }  # fmt: skip
 REQUESTS = (*((verb, ARGUMENTS.get(verb, "")) for verb in Verb), (Verb.LAND, "left"), (Verb.ARM, "lead,right"))
 

@@ -20,7 +20,7 @@ from formation.maths.frames import inverse, rotate
 from formation.vehicle import body
 from formation.vehicle.body import GRAVITY_M_S2
 from formation.vehicle.profile import CRAZYFLIE_27G, at_rest
-from formation.vehicle.rigid_body import body_step, turn
+from formation.vehicle.rigid_body import body_step
 from wire.clock import REAL_TIME
 
 STEP_NS = 1_000_000
@@ -58,7 +58,6 @@ class World:
         """One step; returns the packet of its accelerometer and gyroscope."""
         before = self.x[3:6].copy()
         body_step(self.x, self._targets_n, self._numbers, self._push, STEP_NS * 1e-9, self._work)
-        turn(self.x, STEP_NS * 1e-9)
         force = (self.x[3:6] - before) / (STEP_NS * 1e-9) + np.array([0.0, 0.0, GRAVITY_M_S2])
         acc_g = rotate(inverse(self.x[6:10]), force) / GRAVITY_M_S2 + self._rng.normal(0.0, ACC_NOISE_G, 3)
         gyro_deg_s = np.degrees(self.x[10:13]) + self._rng.normal(0.0, GYRO_NOISE_DEG_S, 3)

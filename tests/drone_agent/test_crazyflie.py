@@ -145,6 +145,19 @@ def test_a_silence_is_reported_once_and_a_longer_one_connects_anew(rig: Rig) -> 
     assert rig.cf.fault(rig.now_ms * MS) is None
 
 
+def test_a_sample_has_the_time_at_which_it_was_taken_by_a_clock_that_loses_ticks(rig: Rig) -> None:
+    assert rig.cf.connection is not None
+    (block,) = (number for number, each in rig.cf.connection.blocks.items() if "acc.z" in each.names)
+    data = next(p for p in rig.peer.logged(100) if p[1] == block)
+    for number in range(1, 300):
+        now_ns = (rig.now_ms + 10 * number) * MS
+        lost_ms = number // 25 * 10  # 4 %
+        stamp_ms = rig.now_ms + 10 * number - lost_ms
+        rig.core.receive_packet(data[:2] + stamp_ms.to_bytes(3, "little") + data[5:], now_ns)
+        if number % 25 > 12:
+            assert 0 <= now_ns - rig.cf.t_ns < MS
+
+
 @pytest.mark.parametrize(("volts", "remaining"), [(4.2, 1.0), (3.82, 0.5), (3.3, 0.0)])
 def test_its_battery_is_its_voltage_at_rest(rig: Rig, volts: float, remaining: float) -> None:
     rig.peer.values["pm.vbat"] = volts

@@ -59,6 +59,9 @@ class Reason(Enum):
     LEADER_NEEDED = "{}: nothing is formed without the leader{}"
     NONE_LEFT = "no follower would be left{}"
     NOT_FLYING = "{}: does not fly in the formation"
+    # Who joins in flight
+    NOT_CLEAR = "{}: {:.2f} m beside {}: it rises alone where it is {:.2f} m clear of all"
+    RISING = "{}: it rises to join: wait until it is at its height"
     # A spare
     NO_SYSID = "{!r} is no system id: 1 to 250"
     SYSID_IN_USE = "system {} is {}'s already"

@@ -317,7 +317,7 @@ class GcsCore:
         if request.verb is Verb.REPLACE:
             self._listen_for_spare(request, now_ns)
             return []
-        self._flight.exclude(excluded)
+        self._flight.exclude(excluded, now_ns)
         judged.apply()
         self._execute(request, now_ns)
         if request.verb is Verb.ARM:

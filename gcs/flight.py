@@ -24,7 +24,9 @@ from formation.maths.frames import rotate_about_z
 from formation.messages import Cause, Event, EventCode, Phase, PhaseChange, Severity
 from formation.safety.phases import AFTER_STOP, AIRBORNE, Trigger, advance
 from formation.safety.rules import Verdict
+from formation.safety.rules_table import LEADER_POSITION_ERROR_M
 from gcs.drones.drone import TAKE_OFF_S, Drone
+from gcs.drones.land_detector import NEAR_FLOOR_M
 from gcs.drones.link_state import DroneLink
 from gcs.drones.stages import Stage
 from gcs.drones.stages import Trigger as DroneTrigger
@@ -37,6 +39,7 @@ HOME = "home"
 ARMING_NS = 12_000_000_000
 SETTLE_NS = 1_000_000_000
 AT_HEIGHT_M = 0.05
+RISING_NS = round(2e9 * TAKE_OFF_S)
 LED_THERE_M, LED_AT_REST_M_S2 = 0.001, 0.001
 IN_SLOT_M = 0.01
 OVER_SPOT_M = 0.05
@@ -97,12 +100,16 @@ class Flight:
     def _report(self, severity: Severity, text: str, code: EventCode, subject: str = "") -> None:
         self.events.append(Event(severity, "flight", text, code=code, subject=subject))
 
-    def exclude(self, excluded: Collection[str]) -> None:
-        """Leave out these drones, by body, and no others."""
+    def exclude(self, excluded: Collection[str], now_ns: int) -> None:
+        """Leave out these drones, by body, and no others. In flight one that is taken in arms and rises alone."""
         for drone in self._drones:
             name, before = drone.link.name, drone.excluded
             drone.excluded = name in excluded
             if drone.excluded != before:
+                drone.rises = not drone.excluded and self.phase is Phase.HOLD
+                if drone.rises:
+                    drone.setpoint = IDLE
+                    drone.arm(now_ns)
                 text = f"{name} is left out" if drone.excluded else f"{name} takes part again"
                 self._report(Severity.NOTICE, text, EventCode.EXCLUDED, name)
 
@@ -117,7 +124,7 @@ class Flight:
         """Land that drone alone, there; the others fly on without it."""
         for drone in self._drones:
             if drone.link.name == body:
-                drone.leaving_to = spot_m
+                drone.leaving_to, drone.rises = spot_m, False
                 drone.floor.reset()
                 text = f"{body} lands alone at x {spot_m[0]:.2f}, y {spot_m[1]:.2f}"
                 self._report(Severity.NOTICE, text, EventCode.EXCLUDED, body)
@@ -309,6 +316,7 @@ class Flight:
                     drone.land_alone(now_ns)
                 case _ if drone.joining(now_ns):
                     drone.enter(DroneTrigger.RELEASE, now_ns)
+            drone.rises = False
             if drone.leaving_to is not None and phase in (Phase.HOLD, Phase.FORMATION):
                 continue
             drone.leaving_to = None
@@ -325,7 +333,7 @@ class Flight:
             x_m, y_m, z_m = positions_m[drone.index]
             was_seen = ages_s[drone.index] < 0.1
             drone.floor.detect_lift_off(drone.link, (x_m, y_m, z_m), was_seen, thrust_norm)
-            if steady and drone.leaving_to is None:
+            if steady and drone.leaving_to is None and not drone.rises:
                 drone.floor.update_flying_thrust(thrust_norm)
 
     def _watch_arming(self, stages: Stages | None, now_ns: int) -> None:
@@ -334,9 +342,7 @@ class Flight:
         if stages is not None:
             self.start_yaw_rad = float(stages.state.yaw_rad[0])
             for drone in self._drones:
-                x_m, y_m, z_m = stages.state.pos_lab_m[drone.index].tolist()
-                drone.start_lab_m, drone.floor.rest_z_m = (x_m, y_m, z_m), z_m
-                drone.link.own_estimate.settle(stages.state.pos_lab_m[drone.index], now_ns)
+                drone.note_start(stages.state.pos_lab_m[drone.index], now_ns)
         if not unready:
             self._watch_countdown(now_ns)
         elif self.armed:
@@ -374,12 +380,39 @@ class Flight:
         if are_at_height(stages, flown, [self._drones[i].index for i in flown], self.config.flight.altitude_m):
             self.pull(Trigger.AT_HEIGHT, Cause.AT_HEIGHT, "every drone is at its height", now_ns)
 
-    def _watch_joining(self, _stages: Stages | None, now_ns: int) -> None:
+    def _watch_joining(self, stages: Stages | None, now_ns: int) -> None:
         """A drone that began to land while it was being taken over is not led up again."""
-        for drone in self._drones:
+        for i, drone in enumerate(self._drones):
+            if drone.rises and stages is not None:
+                self._watch_rising(i, drone, stages, now_ns)
             if drone.stage is Stage.JOIN and drone.is_coming_down:
                 self.pull(Trigger.LAND, Cause.LANDS_ITSELF, f"{drone.link.name} has begun to land meanwhile", now_ns)
                 return
+
+    def _watch_rising(self, i: int, drone: Drone, stages: Stages, now_ns: int) -> None:
+        """Arm and lead up who joins, alone; one that fails to do so lands alone, and nobody else is led anywhere."""
+        name, lasted_ns, failed = drone.link.name, now_ns - drone.since_ns, ""
+        here_m, flight = stages.state.pos_lab_m[drone.index], self.config.flight
+        if drone.stage is Stage.ARM:
+            drone.note_start(here_m, now_ns)
+            if drone.reached:
+                drone.lead(_take_off(flight), DroneTrigger.LEAD, now_ns)
+            elif drone.rejects(now_ns) or lasted_ns > ARMING_NS:
+                failed = _why_not_armed(drone)
+        elif drone.stage is not Stage.FOLLOW:  # released, cut or piloted: each has its own end
+            drone.rises = False
+        elif are_at_height(stages, [i], [drone.index], flight.altitude_m):
+            drone.rises, drone.setpoint = False, _brake(flight)
+            self._report(Severity.NOTICE, f"{name} has joined: `gcs start` leads on", EventCode.EXCLUDED, name)
+        elif not drone.link.armed or lasted_ns > RISING_NS + (flight.altitude_m / flight.climb_m_s) * 2e9:
+            failed = "it does not rise to its height"
+        elif float(np.linalg.norm(stages.command.e_lead_m[i, :2])) > LEADER_POSITION_ERROR_M:
+            failed = "it drifts from where it rises"
+        if failed:
+            self._report(Severity.WARNING, f"{name} does not join: {failed}", EventCode.EXCLUDED, name)
+            self.leave(name, (float(here_m[0]), float(here_m[1])))
+            if not drone.floor.lifted or drone.floor.height_m < NEAR_FLOOR_M:
+                drone.stand(now_ns)
 
     def _watch_moved(self, now_ns: int) -> None:
         """Hold a drone whose velocity nobody has confirmed: whoever moved it is gone, or cannot be heard."""

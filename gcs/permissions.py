@@ -5,13 +5,14 @@ asked for, by gcs.formation_change.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import permutations
 from math import isfinite
 from types import MappingProxyType
 
 import numpy as np
 
-from formation.config import LabConfig
+from formation.config import PERSONAL_SPACE, LabConfig
 from formation.messages import HostReport, Phase, Verb
 from formation.reasons import LAND_AND_INCLUDE, Reason, Reject
 from formation.safety.phases import PHASES_FOR, meant
@@ -234,8 +235,26 @@ def time_to_lift_off(now: Situation) -> Iterator[Reject]:
 
 
 def all_joined(now: Situation) -> Iterator[Reject]:
-    """Every drone that was taken over follows this ground."""
-    return (Reason.JOINING.of(drone.link.name) for drone in now.drones if drone.joining(now.now_ns))
+    """Every drone that was taken over follows this ground, and nobody rises to join."""
+    yield from (Reason.JOINING.of(drone.link.name) for drone in now.drones if drone.joining(now.now_ns))
+    yield from (Reason.RISING.of(drone.link.name) for drone in now.drones if drone.rises)
+
+
+def ready_to_join(now: Situation) -> Iterator[Reject]:
+    """In flight: who is taken in stands ready, on the floor, and clear of all whom it would rise beside."""
+    joiners = frozenset(now.flight.excluded) - frozenset(now.excluded)
+    if now.flight.phase is not Phase.HOLD or not joiners:
+        return
+    alone = replace(now, excluded=frozenset(now.facts.names) - joiners)
+    yield from all_joined(now)
+    yield from (Reason.ARMED.of(drone.link.name) for drone in alone.participants if drone.link.armed)
+    for condition in (bodies_ready, autopilots_ready, log_written, stop_button_works):
+        yield from condition(alone)
+    clear_m, pos_m, seen = PERSONAL_SPACE * now.config.limits.min_separation_m, now.facts.pos_lab_m, now.facts.age_s
+    for i, k in permutations(range(len(pos_m)), 2):
+        beside_m = float(np.hypot(*(pos_m[i] - pos_m[k])[:2]))
+        if now.facts.names[i] in joiners and seen[k] <= UNSEEN_S and beside_m < clear_m:
+            yield Reason.NOT_CLEAR.of(now.facts.names[i], beside_m, now.facts.names[k], clear_m)
 
 
 def leader_seen(now: Situation) -> Iterator[Reject]:
@@ -299,7 +318,7 @@ CONDITIONS: Mapping[Verb, tuple[Condition, ...]] = MappingProxyType(
         Verb.STOP: (),
         Verb.RESET: (all_stopped,),
         Verb.EXCLUDE: (),
-        Verb.INCLUDE: (),
+        Verb.INCLUDE: (ready_to_join,),
         Verb.REPLACE: (),
         Verb.SHAPE: (leader_seen_in_formation, not_led_home),
         Verb.TRAJECTORY: (leader_commanded,),

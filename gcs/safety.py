@@ -210,7 +210,8 @@ class FactGatherer:
         excluded, landing = np.zeros((2, n), np.bool_)
         for drone in self._drones:
             i, link = drone.index, drone.link
-            excluded[i], landing[i] = drone.excluded, drone.leaving_to is not None
+            # Of who lands alone, or rises to join, the rules are those of a landing: the others hold meanwhile.
+            excluded[i], landing[i] = drone.excluded, drone.leaving_to is not None or drone.rises
             ages_s[i] = link.ages(now_ns)
             battery[i] = link.telemetry.battery
             own_tilt[i], own_pos[i] = link.own_estimate.at(now_ns)

@@ -88,7 +88,7 @@ def allowed_from(trigger: Trigger) -> tuple[Phase, ...]:
 CHANGES_NO_PHASE: Mapping[Verb, tuple[Phase, ...]] = MappingProxyType(
     {
         Verb.EXCLUDE: (Phase.GROUND, Phase.STOPPED),
-        Verb.INCLUDE: (Phase.GROUND,),
+        Verb.INCLUDE: (Phase.GROUND, Phase.HOLD),
         Verb.REPLACE: (Phase.GROUND,),
         Verb.RESUME: (Phase.HOLD,),
         Verb.HOME: (Phase.HOLD, Phase.FORMATION),

@@ -219,7 +219,7 @@ def exclude(asked: _Bodies) -> None:
 
 @with_options(_Bodies)
 def include(asked: _Bodies) -> None:
-    """Take drones in again that were left out; they are to be ready to arm."""
+    """Take drones in again that were left out, and are ready to arm; in HOLD they rise alone and join."""
     _command(Verb.INCLUDE, ",".join(asked.bodies), asked)
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from formation.guidance.plan import IDLE, Setpoint
+from formation.maths.arrays import Vec3
 from formation.model import Vec3Tuple
 from gcs.drones.land_detector import AIRBORNE_STATES, NEAR_FLOOR_M, LandDetector
 from gcs.drones.link_state import DroneLink
@@ -23,7 +24,8 @@ class Drone:
     """index: its place among the n vehicles. since_ns: when its stage began. start_lab_m: where it stood on the floor,
     None where it took off under no ground or another.
 
-    excluded: takes no part in the flight, and stays on the floor; a stop stops it, too. leaving_to: the spot, x and y,
+    excluded: takes no part in the flight, and stays on the floor; a stop stops it, too. rises: to join those that fly;
+    it arms and takes off alone. leaving_to: the spot, x and y,
     where it lands alone while the others fly on. checked: its parameters have been read and wrong ones reported.
     landing_itself: its autopilot was seen to land since it was commanded to. stopped_ns: when it reported its cut
     motors off.
@@ -37,6 +39,7 @@ class Drone:
     floor: LandDetector = field(default_factory=LandDetector)
     start_lab_m: Vec3Tuple | None = None
     excluded: bool = False
+    rises: bool = False
     leaving_to: tuple[float, float] | None = None
     checked: bool = False
     landing_itself: bool = False
@@ -192,6 +195,12 @@ class Drone:
         self.floor.lifted = False
         self.link.reports.texts.clear()
         self.enter(Trigger.REST if self.excluded else Trigger.ARM, now_ns)
+
+    def note_start(self, pos_lab_m: Vec3, now_ns: int) -> None:
+        """It stands there, on the floor."""
+        x_m, y_m, z_m = pos_lab_m.tolist()
+        self.start_lab_m, self.floor.rest_z_m = (x_m, y_m, z_m), z_m
+        self.link.own_estimate.settle(pos_lab_m, now_ns)
 
     def join(self, now_ns: int) -> None:
         """It flies under no ground: it is to follow this one, from where it is."""

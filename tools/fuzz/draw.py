@@ -27,20 +27,8 @@ CALM = (
     Verb.HOLD, Verb.START, Verb.SHAPE, Verb.TRAJECTORY, Verb.STATUS, Verb.ARM, Verb.TAKEOFF, Verb.TAKE_CONTROL,
     Verb.HOME, Verb.RESUME, Verb.EXCLUDE, Verb.INCLUDE, Verb.REPLACE, Verb.MOVE,
 )  # fmt: skip
-REQUESTED = (
-    "",
-    "left",
-    "7 left",
-    "lead 1e308 nan 0 0",
-    "lead 0.3 -0.2 0 1",
-    "line",
-    "circle:0.5",
-    "grid:1e308",
-    "line:nan",
-    "x" * 900,
-    "\x1b[2J",
-    "configured",
-)
+REQUESTED = ("", "left", "line", "circle:0.5", "grid:1e308", "line:nan", "x" * 900, "\x1b[2J", "configured", "7 left",
+             "lead 1e308 nan 0 0", "lead 0.3 0.2 0 1")  # fmt: skip
 NO_STATES = ("[" * 5000, '{"a":' * 5000, "NaN", "", "{}", "[]", '{"drones": 1}', "9" * 5000, '"\\ud800"')
 MTU = 1500
 CRAFTED = (

@@ -81,12 +81,12 @@ def test_one_drone_is_armed_alone_and_never_takes_off(lab: FakeLab, body: str, r
     assert reason in reasons(lab, Verb.EXCLUDE, "left")
 
 
-def test_in_the_air_nobody_is_left_out_or_taken_in(lab: FakeLab) -> None:
+def test_in_the_air_nobody_is_left_out_and_in_formation_nobody_taken_in(lab: FakeLab) -> None:
     accepted(lab, Verb.EXCLUDE, "left")
     lab.take_off()
-    for verb in (Verb.EXCLUDE, Verb.INCLUDE):
-        assert reasons(lab, verb, "left") == [Reason.OUT_OF_TURN]
     assert refusal(lab, Verb.EXCLUDE, "left").endswith("this is HOLD: `gcs land BODY` lands that drone alone")
+    accepted(lab, Verb.START)
+    assert reasons(lab, Verb.INCLUDE, "left") == [Reason.OUT_OF_TURN]
 
 
 def test_with_a_new_battery_it_is_taken_in_again(lab: FakeLab) -> None:

@@ -120,8 +120,16 @@ class ViconConfig(Model):
     """TCP port of the DataStream."""
 
 
+PosesType = Literal[
+    "geometry_msgs/msg/PoseStamped",
+    "nav_msgs/msg/Odometry",
+    "motion_capture_tracking_interfaces/msg/NamedPoseArray",
+    "motion_capture_tracking_interfaces/msg/NamedPoseArrayV2",
+]
+
+
 class Ros2Config(Model):
-    """A ROS 2 graph that has the poses, by its Zenoh router `rmw_zenohd`; no ROS is needed here."""
+    """A ROS 2 graph that has the poses, by `rmw_zenohd` or zenoh-bridge-ros2dds; no ROS is needed here."""
 
     host: Host = "127.0.0.1"
     """Computer of the router."""
@@ -130,9 +138,11 @@ class Ros2Config(Model):
     domain: Annotated[int, NoFlag, Field(ge=0, le=232)] = 0
     """The graph's ROS_DOMAIN_ID."""
     topic: Topic = "/vrpn_mocap/{body}/pose"
-    """Topic of a body, of PoseStamped or Odometry; without {body} that of all bodies, of NamedPoseArray."""
+    """Topic of a body, of PoseStamped or Odometry; without {body} that of all bodies, of NamedPoseArray or its V2."""
     leader: Topic | None = None
     """Topic of the leader, where it is another one: of a robot that says itself where it is."""
+    dds_type: PosesType | None = None
+    """Type of the topics where the graph is on DDS, behind zenoh-bridge-ros2dds; rmw_zenoh's keys say it themselves."""
 
 
 class MocapConfig(Model):

@@ -138,7 +138,7 @@ async def _publish(shows: Shows, graph: Graph, bus: ZenohBus, name: str, clock: 
         async with asyncio.TaskGroup() as requests:
             shows.publishers = {topic: node.publisher(topic, kind, topic == TF_STATIC) for topic, kind in shows.types}
             _listen(bus, name, shows, clock)
-            for verb in SERVED:
+            for verb in () if graph.dds else SERVED:  # the bridge routes no service that no DDS node has
                 node.serve(verb.command_name, SERVICE, _service(verb, bus, name, requests))
             await _every_second(shows, bus, clock, report)
     finally:

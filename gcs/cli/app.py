@@ -367,6 +367,9 @@ def ros2(
     name: Name = GCS_NAME,
     domain: Annotated[int, typer.Option(min=0, max=232, help="ROS_DOMAIN_ID of the graph.")] = 0,
     namespace: Annotated[str, typer.Option(help="Before every topic and service but /tf and /diagnostics.")] = "",
+    dds: Annotated[
+        bool, typer.Option("--dds", help="The graph is on DDS (Humble too), by zenoh-bridge-ros2dds.")
+    ] = False,
     identity: Annotated[str, typer.Option(help="In a lab with keys, as whom hold and land are asked for.")] = TOOL,
     as_json: Json = False,
     insecure: Insecure = False,
@@ -389,7 +392,7 @@ def ros2(
             f"{namespace!r} is no namespace of ROS 2: letters, digits and _", param_hint="--namespace"
         )
     config = configuration(lab)
-    graph = Graph(ROUTER, domain, f"/{path}" if path else "")
+    graph = Graph(ROUTER, domain, f"/{path}" if path else "", dds=dds)
     with refusing(ValueError):
         protection = lab_protection(config.security, lab, identity, insecure=insecure)
         count = uvloop.run(run(config, name, graph, print_event, protection, clock.Clock(speed)))

@@ -23,6 +23,8 @@ from wire.ros2.node import Graph, Node
 _POSE = struct.Struct(">7d")
 _WATCH_S = 1.0
 ARRAY = "motion_capture_tracking_interfaces/msg/NamedPoseArray"
+ARRAYS = (ARRAY, f"{ARRAY}V2")
+"""Both versions; which one motion_capture_tracking publishes is its setting `poses_version`."""
 
 
 class Ros2Source:
@@ -31,7 +33,7 @@ class Ros2Source:
     def __init__(self, config: LabConfig, feed: Feed) -> None:
         self._config = config.mocap.ros2 or Ros2Config()
         self._topics = _topics(config, self._config)
-        self._types = {kind.dds_name: kind for kind in map(message_type, (ARRAY, *POSE_AT))}
+        self._types = {kind.dds_name: kind for kind in map(message_type, (*ARRAYS, *POSE_AT))}
         self._feed = feed
         how = Assembling(
             feed=feed,
@@ -54,13 +56,15 @@ class Ros2Source:
         self._expiry = Expiry(self._frames, self._feed.clock)
         late = asyncio.get_running_loop().call_later(_WATCH_S, self._note_joined, False)
         try:
-            graph = Graph(self._router, self._config.domain, node="formation_mocap")
+            dds_type = self._config.dds_type
+            graph = Graph(self._router, self._config.domain, node="formation_mocap", dds=dds_type is not None)
+            dds_name = "" if dds_type is None else message_type(dds_type).dds_name
             node = self._node = await Node.open(graph, self._feed.clock)
         finally:
             late.cancel()
         try:
             for topic, body in self._topics.items():
-                node.subscribe(topic, partial(self.receive, body))
+                node.subscribe(topic, partial(self.receive, body), dds_name)
             while True:
                 self._note_joined(node.is_joined)
                 if self._frames.rows.names:
@@ -137,7 +141,7 @@ def _topics(config: LabConfig, ros2: Ros2Config) -> dict[str, str]:
 
 def _poses(kind: MessageType, body: str, values: Values) -> Iterator[tuple[str, bytes]]:
     """(name, seven doubles) of each body in a message; ROS has quaternions as x y z w."""
-    if kind.name == ARRAY:
+    if kind.name in ARRAYS:
         yield from ((name, _POSE.pack(*pose)) for name, *pose in values[-1])
     else:
         at = POSE_AT[kind.name]

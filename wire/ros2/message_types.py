@@ -93,7 +93,7 @@ class MessageType:
 
     def decode(self, data: bytes) -> Values:
         """The message of a CDR; CdrError for all else."""
-        if data[: len(_HEADER)] != _HEADER:
+        if len(data) < len(_HEADER) or data[:2] != _HEADER[:2]:  # the other two count the padding, where they count
             raise CdrError(f"{self.name}: no CDR in little-endian byte order")
         body = memoryview(data)[len(_HEADER) :]
         try:

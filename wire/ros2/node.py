@@ -2,6 +2,7 @@
 
     <domain>/<topic>/<type>/<type hash>                          messages in CDR, and requests of services
     @ros2_lv/<domain>/<session>/<node>/<entity>/<kind>/...       liveliness tokens, of which ROS makes its graph
+    <topic>                                                      messages of a graph on DDS: zenoh-bridge-ros2dds
 
 Attached to each message are its number, its time and its publisher's gid. The session is a client of the graph's router
 (`rmw_zenohd`), as peers of other Zenoh versions see nothing through it. Callbacks run on the event loop that opened it.
@@ -36,12 +37,16 @@ Reply = Callable[[Values], None]
 
 @dataclass(frozen=True, slots=True)
 class Graph:
-    """Where a graph is, and where in it a node stands; namespace: empty or `/NAME`."""
+    """Where a graph is, and where in it a node stands; namespace: empty or `/NAME`.
+
+    dds: it is on DDS, behind zenoh-bridge-ros2dds, whose own domain it then is.
+    """
 
     router: str
     domain: int = 0
     namespace: str = ""
     node: str = "formation"
+    dds: bool = False
 
     def topic(self, name: str) -> str:
         """The full name of a topic or service; a name that begins with / is one."""
@@ -115,8 +120,11 @@ class Node:
         token = self._declare("MP", topic, kind, _LATCHED_QOS if latched else _QOS)
         return Publisher(publisher, kind, blake2b(token.encode(), digest_size=_GID_BYTES).digest(), self.counters)
 
-    def subscribe(self, topic: str, receive: Receive) -> None:
-        """Subscribe to a topic, of whatever type. Of those that wait the oldest are lost; large ones are rejected."""
+    def subscribe(self, topic: str, receive: Receive, dds_name: str = "") -> None:
+        """Subscribe to a topic, of whatever type. Of those that wait the oldest are lost; large ones are rejected.
+
+        dds_name: of its type, where the keys of the graph do not have it.
+        """
         inbox = self._inbox(lambda came: receive(*came))
 
         def enqueue(sample: zenoh.Sample) -> None:
@@ -124,9 +132,11 @@ class Node:
             if len(sample.payload) > LARGEST_PAYLOAD:
                 self.counters.rejected += 1
                 return
-            inbox.enqueue((str(sample.key_expr).split("/")[-2], sample.payload.to_bytes(), now_ns))
+            name = dds_name or str(sample.key_expr).split("/")[-2]
+            inbox.enqueue((name, sample.payload.to_bytes(), now_ns))
 
-        key = f"{self.graph.domain}{self.graph.topic(topic)}/*/*"
+        topic = self.graph.topic(topic)
+        key = topic[1:] if self.graph.dds else f"{self.graph.domain}{topic}/*/*"
         self._session.declare_subscriber(key, zenoh.handlers.Callback(enqueue))
 
     def serve(self, service: str, type_name: str, handle: Callable[[Reply], None]) -> None:
@@ -171,7 +181,7 @@ class Node:
         return inbox
 
     def _key(self, topic: str, kind: MessageType) -> str:
-        return f"{self.graph.domain}{topic}/{kind.dds_name}/{kind.hash}"
+        return topic[1:] if self.graph.dds else f"{self.graph.domain}{topic}/{kind.dds_name}/{kind.hash}"
 
     def _declare(self, entity: str, topic: str = "", kind: MessageType | None = None, qos: str = "") -> str:
         """Declare the token of the node itself, or of something that it has; its key."""
@@ -181,7 +191,8 @@ class Node:
         if kind is not None:
             parts += [_mangled(topic), kind.dds_name, kind.hash, qos]
         key = "/".join(map(str, parts))
-        self._tokens.append(self._session.liveliness().declare_token(key))
+        if not graph.dds:
+            self._tokens.append(self._session.liveliness().declare_token(key))
         return key
 
 

@@ -86,7 +86,11 @@ def test_odometry_s_pose_is_read_and_an_array_s_by_its_names() -> None:
     rig.expire()
     rig.hear("", ARRAY, (*stamp(1), "world", (("cf7", 1.0, 2.0, 3.0, *TURN), ("wand", 4.0, 5.0, 6.0, *TURN))))
     rig.expire()
-    first, second = rig.frames
+    in_v2 = (*stamp(2), "world", 5, (("camera", 4000), ("network", 900)), (("cf7", 1.5, 2.0, 3.0, *TURN),))
+    rig.hear("", f"{ARRAY}V2", in_v2)
+    rig.expire()
+    first, second, third = rig.frames
+    assert third.pos_mocap_m[third.bodies.index("left")].tolist() == [1.5, 2.0, 3.0]
     assert (first.bodies, first.pos_mocap_m.tolist()) == (("leader",), [[7.0, 8.0, 9.0]])
     assert second.bodies == ("leader", "left", "wand")
     assert second.seen.tolist() == [False, True, True]

@@ -27,7 +27,10 @@ def with_poses(store: Typestore) -> Typestore:
     """The store with motion_capture_tracking's messages, as its own package defines them."""
     package = "motion_capture_tracking_interfaces/msg"
     store.register(get_types_from_msg("string name\ngeometry_msgs/Pose pose\n", f"{package}/NamedPose"))
+    store.register(get_types_from_msg("string source\nuint32 latency # us\n", f"{package}/LatencyInfo"))
     store.register(get_types_from_msg("std_msgs/Header header\nNamedPose[] poses\n", f"{package}/NamedPoseArray"))
+    second = "std_msgs/Header header\nuint64 timestamp\nLatencyInfo[] latencies\nNamedPose[] poses\n"
+    store.register(get_types_from_msg(second, f"{package}/NamedPoseArrayV2"))
     return store
 
 
@@ -68,7 +71,7 @@ def _single(kind: str, numbers: count) -> object:
 
 
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS)
-@pytest.mark.parametrize("name", [*STANDARD, POSES])
+@pytest.mark.parametrize("name", [*STANDARD, POSES, f"{POSES}V2"])
 def test_hash_and_cdr_are_those_of_every_distribution(name: str, distribution: Stores) -> None:
     store, ours = with_poses(get_typestore(distribution)), message_type(name)
     assert ours.hash == store.hash_rihs01(name)
@@ -79,7 +82,7 @@ def test_hash_and_cdr_are_those_of_every_distribution(name: str, distribution: S
         assert ours.decode(cdr) == values
 
 
-@pytest.mark.parametrize("name", [*STANDARD, POSES])
+@pytest.mark.parametrize("name", [*STANDARD, POSES, f"{POSES}V2"])
 def test_definition_is_read_by_others_as_the_same_type(name: str) -> None:
     store = get_typestore(Stores.EMPTY)
     types = get_types_from_msg(message_type(name).definition, name)

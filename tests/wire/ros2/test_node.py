@@ -67,6 +67,32 @@ def test_every_message_of_a_topic_is_received_of_whatever_type(endpoint: str) ->
     assert heard == [("geometry_msgs::msg::dds_::PoseStamped_", (number, *VALUES[1:])) for number in range(SENT)]
 
 
+def test_a_graph_on_dds_has_topics_for_keys_and_its_types_are_given(endpoint: str) -> None:
+    """As zenoh-bridge-ros2dds has them; DDS counts the padding in the last bytes of the CDR's head."""
+    heard: list[tuple[str, tuple]] = []
+    shown: list[tuple] = []
+
+    async def run() -> list[object]:
+        ours = await Node.open(Graph(endpoint, 99, "/swarm", dds=True))
+        session = opened("client", endpoint)
+        ours.subscribe(
+            "/cf7/pose", lambda name, data, _: heard.append((name, POSE_STAMPED.decode(data))), "PoseStamped"
+        )
+        publisher, theirs = ours.publisher("left/pose", POSE_STAMPED.name), session.declare_publisher("cf7/pose")
+        session.declare_subscriber("swarm/left/pose", lambda s: shown.append(POSE_STAMPED.decode(s.payload.to_bytes())))
+        await until(lambda: publisher.has_subscribers and theirs.matching_status.matching)
+        publisher.publish(VALUES)
+        theirs.put(bytes((0, 1, 0, 3)) + POSE_STAMPED.encode(VALUES)[4:])
+        await until(lambda: heard and shown)
+        tokens = await asyncio.to_thread(lambda: list(session.liveliness().get("@ros2_lv/**", timeout=2.0)))
+        await ours.close()
+        session.close()
+        return tokens
+
+    assert asyncio.run(run()) == []
+    assert (heard, shown) == ([("PoseStamped", VALUES)], [VALUES])
+
+
 def test_service_answers_with_the_number_and_gid_of_who_asks(endpoint: str) -> None:
     async def run() -> tuple[bytes, bytes]:
         async with node(endpoint) as ours:

@@ -154,7 +154,7 @@ def _drone_state(drone: Drone, m: int, numbers: _Numbers, rejected: str | None, 
         superseded=link.sequence.superseded,
         setpoint_age_s=numbers.setpoint_age_s[i],
         clock_offset_s=None if offset_ns is None else round(offset_ns * 1e-9, 6),
-        loss=round(link.sequence.loss, 4),
+        loss=round(max(link.sequence.loss, link.telemetry.drop_rate), 4),
         rejected=rejected,
         excluded=drone.excluded,
     )

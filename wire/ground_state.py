@@ -33,7 +33,8 @@ class DroneState:
 
     piloted: a pilot has taken it over. stopped_ms: how long after the stop it reported its motors off.
     link_behind_s: age of its telemetry when it was read; superseded: packets that were dropped unread, since newer ones
-    had arrived. battery: 0..1. loss: share of its packets, 0..1. rejected: why the pose validator rejects it, in words.
+    had arrived. battery: 0..1. loss: share of its packets, 0..1, to the ground or
+    behind its bridge. rejected: why the pose validator rejects it, in words.
     excluded: it takes no part in the flight.
     """
 

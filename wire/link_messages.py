@@ -359,7 +359,7 @@ class AutopilotVersion(NamedTuple):
 
 
 class SysStatus(NamedTuple):
-    """SYS_STATUS (1): sensor bit masks, load 0..1, battery."""
+    """SYS_STATUS (1): sensor bit masks, load 0..1, battery, share of packets lost on the drone's own links."""
 
     sensors_present: int
     sensors_enabled: int
@@ -368,6 +368,7 @@ class SysStatus(NamedTuple):
     battery_v: float
     battery_a: float
     battery_remaining: float
+    drop_rate: float = 0.0
 
 
 class Battery(NamedTuple):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from drone_agent.crazyflie import core as crazyflie
 from drone_agent.crazyflie.core import CrazyflieConfig, CrazyflieCore
+from drone_agent.flight.autopilot import Note
 from drone_agent.guard.core import GuardCore, warm_up
 from drone_agent.guarded import Guarded
 from drone_agent.process import DeadlineTimer, awaited_bus, awaited_pose, drone_protection, open_ground_link
@@ -58,6 +59,7 @@ class _Pump:
         packets = self.drone.autopilot.pop_packets()
         self._watchdog.feed(now_ns)
         if self._vehicle is not None:
+            self.drone.autopilot.crazyflie.sent_again = 1.0 - 0.01 * self._vehicle.quality
             for packet in packets:
                 self._vehicle.send(packet)
         if self.ground is not None:
@@ -67,24 +69,30 @@ class _Pump:
             self._report(event)
         self.timer.at(self.drone.due_ns)
 
-    async def maintain_link(self) -> None:
-        """Open the vehicle's link, and again whenever it is lost; each loss is reported once."""
-        source, reported = f"uav{self.config.sysid}", False
+    async def maintain_link(self, reported: set[str]) -> None:
+        """Open the vehicle's link, and again whenever it is lost. reported: losses of this process, one of each."""
+        address, notes = self.config.bridge, self.drone.autopilot.crazyflie.notes
+        radio = address.split("/")[2]
         while True:
+            what = address
             try:
-                link = await open_crtp(self.config.bridge, self.receive_packet)
-                self._vehicle, reported = link, False
+                link = self._vehicle = await open_crtp(address, self.receive_packet)
                 await link.lost.wait()
                 why = link.why
+                if link.has_received:
+                    reported -= {address, radio}
+                if link.radio_is_lost:
+                    what, why = radio, f"{why}: is it unplugged? The watchdogs of its drones stop their motors"
             except OSError as error:
-                why = str(error)
+                what, why = radio, f"{error}: is it plugged in, has another program it?"
             finally:
                 if self._vehicle is not None:
                     link, self._vehicle = self._vehicle, None
                     await asyncio.to_thread(link.close)
-            if not reported:
-                self._report(Event(Severity.CRITICAL, source, f"link to the Crazyflie lost: {why}"))
-            reported = True
+            if what not in reported:
+                reported.add(what)
+                notes.append(Note(Severity.CRITICAL, f"link to {what} lost: {why}"))
+                self.turn()
             await asyncio.sleep(_RETRY_S)
 
 
@@ -112,10 +120,10 @@ async def run_crazyflies(configs: Sequence[CrazyflieConfig], report: EventSink, 
             pump.ground = await open_ground_link(pump.config, bus, pump.receive, rejections, protection)
             pump.turn()
         notify(READY)
-        parts = [protection.attend(report) for protection in protections]
+        parts, reported = [protection.attend(report) for protection in protections], set[str]()
         for pump in pumps:
             parts += [
-                pump.maintain_link(),
+                pump.maintain_link(reported),
                 report_missing(f"uav{pump.config.sysid}", _awaited(pump, bus), report, bus.others),
             ]
         async with beside(*parts):

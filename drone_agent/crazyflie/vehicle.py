@@ -84,6 +84,8 @@ class Crazyflie:
         """For the operator."""
         self.lost = 0
         """Log packets that were not read, or are no state."""
+        self.sent_again = math.nan
+        """Share of packets that its radio had to send again; NaN where nobody measures it."""
         self.due_ns = t0_ns
         self.pack = MeasuredPack()
         self.setpoint = LoopSetpoint(IDENTITY, np.zeros(3), 0.0)
@@ -103,6 +105,8 @@ class Crazyflie:
         self._silent = False
         self._state_ns: int | None = None
         self._offset_ns: int | None = None
+        self._stamp_ms = self._came = self._sent = 0
+        self._missing = 0.0
         self._agreed_ns: int | None = None
         self._since_ns, self._was_ready = 0, False
         self._valid_ns = 0
@@ -162,6 +166,11 @@ class Crazyflie:
 
     def drain(self, dt_s: float) -> None:
         """Likewise."""
+
+    @property
+    def link_loss(self) -> float:
+        """Share of packets that were lost, by the log of the last second, or had to be sent again: the larger one."""
+        return max(1.0 if self._silent else self._missing, self.sent_again)
 
     # As its estimate
 
@@ -301,6 +310,10 @@ class Crazyflie:
 
     def _receive_sample(self, stamp_ms: int, force_flu_m_s2: Vec3, now_ns: int) -> None:
         """At the time of its own clock, which the packets that were under way for the shortest time set."""
+        self._came, self._sent = self._came + 1, self._sent + max((stamp_ms - self._stamp_ms) // 10, 1)
+        self._stamp_ms = stamp_ms
+        if self._sent >= 100:
+            self._missing, self._came, self._sent = 1.0 - self._came / self._sent, 0, 0
         late_ns = now_ns - stamp_ms * 1_000_000
         known_ns = late_ns if self._offset_ns is None else self._offset_ns
         self._offset_ns = max(min(known_ns + _LAGS_NS, late_ns), late_ns - _LATE_MOST_NS)

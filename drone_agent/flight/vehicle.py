@@ -130,6 +130,11 @@ class Vehicle(Protocol):
     """What its attitude loop tracks, in the axes of the autopilot's estimate."""
 
     @property
+    def link_loss(self) -> float:
+        """Share of the packets between it and this process that are lost, 0..1."""
+        ...
+
+    @property
     def pack(self) -> Pack:
         """What its power module measures."""
         ...

@@ -78,7 +78,7 @@ from wire.mavlink.framing import Frame, FrameCutter, MavlinkError, packed, renum
 _BEAT_NS = 1_000_000_000
 _HEARTBEAT = Heartbeat(MavAutopilot.INVALID, MavType.ONBOARD_CONTROLLER, 0, 0, MavState.ACTIVE)
 _SILENT_NS = 1_500_000_000  # of heartbeats a second: it may have restarted, and forgotten its origin
-_TABLES = {table.autopilot: table for table in (PX4, ARDUPILOT, CRAZYFLIE)}
+_TABLES = (PX4, ARDUPILOT, CRAZYFLIE)
 
 
 class GuardOutgoing(NamedTuple):
@@ -387,8 +387,8 @@ class GuardCore:
         return ours
 
     def _read_heartbeat(self, source: Address, beat: Heartbeat) -> bool:
-        table = _TABLES.get(beat.autopilot) if source.component == DRONE_COMPONENT else None
-        if table is None:
+        table = next((table for table in _TABLES if table.is_of(beat)), None)
+        if table is None or source.component != DRONE_COMPONENT:
             return False
         silent_ns, self._received_ns = self._now_ns - self._received_ns, self._now_ns
         if self._table is not table or silent_ns > _SILENT_NS:

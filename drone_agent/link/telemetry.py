@@ -83,8 +83,8 @@ def _sys_status(t: Telemetry, now_ns: int) -> LinkMessage:
     if fence is not None:  # there, and not breached
         present, healthy = present | SensorFlag.GEOFENCE, healthy | SensorFlag.GEOFENCE
         enabled |= SensorFlag.GEOFENCE if pilot.parameters[fence] else 0
-    pack = pilot.vehicle.pack
-    return SysStatus(present, enabled, healthy, 0.2, pack.voltage_v, pack.current_a, pack.remaining)
+    pack, loss = pilot.vehicle.pack, pilot.vehicle.link_loss
+    return SysStatus(present, enabled, healthy, 0.2, pack.voltage_v, pack.current_a, pack.remaining, loss)
 
 
 def _attitude(t: Telemetry, _now_ns: int) -> LinkMessage:

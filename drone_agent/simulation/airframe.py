@@ -66,6 +66,8 @@ _GUST_STEPS = 5  # the air acts anew this often
 class Airframe:
     """One vehicle; `advance_to` moves its grid, `state_at` only looks."""
 
+    link_loss = 0.0
+
     def __init__(
         self,
         profile: VehicleProfile,

@@ -296,7 +296,7 @@ class DroneLink:
                 self.telemetry.battery_v = sum(message.cell_v)
             case SysStatus():
                 self.telemetry.battery = _fraction(message.battery_remaining)
-                self.telemetry.battery_v = message.battery_v
+                self.telemetry.battery_v, self.telemetry.drop_rate = message.battery_v, message.drop_rate
                 self.telemetry.sensors_unhealthy = message.sensors_enabled & ~message.sensors_healthy
             case EkfStatus():
                 self.telemetry.estimator = message
@@ -343,7 +343,7 @@ class DroneLink:
         silent_ns, self.telemetry.heartbeat_ns = now_ns - self.telemetry.heartbeat_ns, now_ns
         self.telemetry.heartbeat, self.armed = heartbeat, heartbeat.armed
         self.armed_clock.receive_heartbeat(heartbeat.armed, now_ns)
-        known = GROUND_MODELS.get(heartbeat.autopilot)
+        known = next((model for model in GROUND_MODELS.values() if model.table.is_of(heartbeat)), None)
         model = known or self.model
         self.telemetry.mode = None if model is None else model.table.mode_of(heartbeat.custom_mode)
         self.offboard = self.telemetry.mode is FlightMode.OFFBOARD

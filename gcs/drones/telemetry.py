@@ -275,6 +275,8 @@ class Telemetry:
     landed: LandedState = LandedState.UNDEFINED
     battery: float = math.nan
     battery_v: float = math.nan
+    drop_rate: float = 0.0
+    """Share of packets lost on its own links, as a bridge's radio; NaN where it does not know."""
     setpoint_age_s: float = math.nan
     setpoint_age_ns: int = NEVER_NS
     estimator: EkfStatus | None = None

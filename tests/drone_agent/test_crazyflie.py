@@ -1,11 +1,11 @@
 """A Crazyflie behind its bridge's upper half, without sockets: what it is sent, and what is made of what it says."""
 
 import math
-import random
 
 import numpy as np
 import pytest
 
+from drone_agent.autopilots.model import Task
 from drone_agent.crazyflie.core import CrazyflieConfig, CrazyflieCore
 from drone_agent.flight.vehicle import ExternalPose
 from drone_agent.guard.position import LoopSetpoint
@@ -174,19 +174,24 @@ def test_a_battery_that_it_does_not_measure_is_not_made_up() -> None:
     assert any("it has no pm.vbat, pm.state" in text for text in rig.heard)
 
 
-def test_mutated_packets_neither_raise_nor_make_a_state_that_is_none(rig: Rig) -> None:
-    chance, packets = random.Random(2), [p for t in (100, 10) for p in rig.peer.logged(t)]
-    for number in range(3000):
-        data = bytearray(chance.choice(packets))
-        for _ in range(chance.randrange(1, 4)):
-            data[chance.randrange(len(data))] = chance.randrange(256)
-        cut = bytes(data[: chance.randrange(len(data) + 1)]) if chance.random() < 0.3 else bytes(data)
-        now_ns = (rig.now_ms + number) * MS
-        rig.core.receive_packet(cut, now_ns)
-        assert np.linalg.norm(rig.cf.q_lab_from_flu) == pytest.approx(1.0)
-        sample = rig.cf.newest_sample
-        assert sample is not None
-        assert np.isfinite(sample.values).all()
-        assert np.abs(sample.specific_force_flu_m_s2).max() <= 320.0
-        rig.core.turn(now_ns)
-        rig.core.pop_packets()
+def test_packets_that_are_lost_are_counted_and_those_sent_again_by_its_radio(rig: Rig) -> None:
+    assert rig.cf.link_loss == 0.0
+    for k in range(200):
+        rig.is_lost = k % 4 == 0
+        rig.run(10)
+    rig.is_lost = False
+    assert rig.cf.link_loss == pytest.approx(0.25, abs=0.03)
+    rig.cf.sent_again = 0.5
+    assert rig.cf.link_loss == 0.5
+    rig.is_lost = True
+    rig.run(1000)
+    assert rig.cf.link_loss == 1.0
+
+
+def test_lands_on_an_empty_battery(rig: Rig) -> None:
+    rig.arm()
+    rig.core.autopilot.detector.landed = False
+    rig.peer.values["pm.vbat"] = 3.0
+    rig.run(200)
+    assert "Critical battery level" in rig.heard
+    assert rig.core.autopilot.row.task is Task.LAND

@@ -117,7 +117,7 @@ MESSAGES: dict[type, st.SearchStrategy[Any]] = {
         GlobalPosition, U32, DEGREES, DEGREES, MILLIMETRES, MILLIMETRES, SPEEDS, st.none() | st.floats(-3.1, 3.1)
     ),
     HomePosition: st.builds(HomePosition, DEGREES, DEGREES, MILLIMETRES, VECTOR),
-    SysStatus: st.builds(SysStatus, U32, U32, U32, PERCENT, st.floats(0, 60), st.floats(-300, 300), PERCENT),
+    SysStatus: st.builds(SysStatus, U32, U32, U32, PERCENT, st.floats(0, 60), st.floats(-300, 300), PERCENT, PERCENT),
     Battery: st.builds(
         Battery,
         st.lists(st.floats(0.1, 60), max_size=14).map(tuple),

@@ -49,6 +49,7 @@ TARGETS: Mapping[str, Row] = MappingProxyType(
         "agent": Row(flight.Agent),
         "bridge": Row(partial(flight.Bridge, serial=False)),
         "serial-bridge": Row(partial(flight.Bridge, serial=True)),
+        "crazyflie": Row(flight.Crazyflie, probe_every=1024),
         "page": Row(flight.Page),
         "live": Row(flight.LiveLog),
         "import": Row(logs.Imports, share=0.01),

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from drone_agent.crazyflie.core import CrazyflieConfig, CrazyflieCore
 from drone_agent.guard.config import GuardConfig
 from drone_agent.guard.core import GuardCore
 from drone_agent.guarded import GuardedDrone
@@ -24,6 +25,7 @@ from mocap.core import MocapCore
 from mocap.pose_checks import RELEARN_FRAMES
 from mocap.retiming import GOES_ON, LONGEST_GAP
 from tests.drone_agent.agent_harness import Harness, hover_at
+from tests.drone_agent.crazyflie_peer import Peer
 from tests.gcs.fakes import FakeLab, triangle
 from tools.fuzz.draw import LAB, RAW, REQUEST, TEXTS, Draw
 from wire.ground_state import decode, encode
@@ -211,6 +213,40 @@ class Bridge:
                 *(frame.data for frame in out.to_autopilot), *(datagram.data for datagram in out.to_ground)
             )
         return "" if contents(order, beat) <= passed else "the bridge does not pass what is valid"
+
+
+class Crazyflie:
+    """Packets like those of a Crazyflie, to its upper half."""
+
+    def __init__(self, draw: Draw, counts: Counter[str]) -> None:
+        self._draw, self._counts, self._now_ms = draw, counts, 0
+        self._peer, self._core = Peer(), CrazyflieCore(CrazyflieConfig(bridge="udp://127.0.0.1:1"), 0)
+        self._answers: list[bytes] = []
+        self.probe()
+
+    def feed(self) -> None:
+        draw, vehicle = self._draw, self._core.crazyflie
+        sound = draw.choice([*self._answers, *self._peer.logged(10 * self._now_ms), b"\x00text"])
+        self._step([draw.noise() if draw.random() < 0.1 else draw.spoiled(sound, 0.9)])
+        state = np.concatenate([vehicle.pos_lab_m, vehicle.vel_lab_m_s, vehicle.rate_flu_rad_s])
+        assert np.isfinite(state).all(), state
+        assert abs(np.linalg.norm(vehicle.q_lab_from_flu) - 1.0) < 1e-9, vehicle.q_lab_from_flu
+        self._counts["no state"] = vehicle.lost
+
+    def probe(self) -> str:
+        """Empty where a sound vehicle is connected to, however long a spoiled answer said that its tables are."""
+        for _ in range(3 * 2**16):
+            self._step([*self._answers, *self._peer.logged(self._now_ms)])
+            if self._core.crazyflie.connection is not None and self._core.crazyflie.info == self._peer.info:
+                return ""
+        return "the bridge does not hear the Crazyflie"
+
+    def _step(self, packets: list[bytes]) -> None:
+        self._now_ms += 1
+        for packet in packets:
+            self._core.receive_packet(packet, self._now_ms * STEP_NS)
+        self._core.turn(self._now_ms * STEP_NS)
+        self._answers = [reply for sent in self._core.pop_packets() for reply in self._peer.receive(sent)]
 
 
 class Page:

@@ -1,4 +1,5 @@
-"""A Crazyflie as its bridge presents it: MAVLink has no number for its firmware, so HEARTBEAT says a generic autopilot.
+"""A Crazyflie as its bridge presents it: MAVLink has no number for its firmware, so HEARTBEAT says a generic autopilot,
+with custom modes that no other has.
 
 Modes and the BRIDGE_ parameters are the bridge's, those of CF_ the firmware's, under names that MAVLink can hold.
 """
@@ -18,6 +19,7 @@ FIRMWARE_PARAMETERS = MappingProxyType(
     }
 )
 """By MAVLink name: group and name in the firmware."""
+_FIRST_MODE = int.from_bytes(b"CF") << 16
 _MODES = {
     mode: ModeNumber(number, 0, mode.name, mode.name.capitalize())
     for number, mode in enumerate(
@@ -45,8 +47,8 @@ CRAZYFLIE = AutopilotTable(
     autopilot=MavAutopilot.GENERIC,
     name="Crazyflie",
     modes=MappingProxyType(_MODES),
-    join=lambda main, _sub: main,
-    split=lambda custom_mode: (custom_mode, 0),
+    join=lambda main, _sub: _FIRST_MODE + main,
+    split=lambda custom_mode: (custom_mode - _FIRST_MODE, 0),
     auto_main=None,
     parameters=MappingProxyType(by_name(_PARAMETERS)),
     indoor=MappingProxyType({"CF_ESTIMATOR": 2.0, "CF_CONTROLLER": 1.0, "CF_POS_STD": 0.01, "CF_ATT_STD": 0.0045}),

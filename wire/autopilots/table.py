@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum, auto
 
-from wire.link_messages import MavAutopilot, ParamType
+from wire.link_messages import Heartbeat, MavAutopilot, ParamType
 
 
 class FlightMode(Enum):
@@ -110,6 +110,11 @@ class AutopilotTable:
             if number.main == main and (main != self.auto_main or number.sub == sub):
                 return mode
         return None
+
+    def is_of(self, beat: Heartbeat) -> bool:
+        """Whether such an autopilot sent a HEARTBEAT. The number GENERIC is anybody's: there its mode says it."""
+        known = beat.autopilot is not MavAutopilot.GENERIC or self.mode_of(beat.custom_mode) is not None
+        return beat.autopilot is self.autopilot and known
 
     def mode_of(self, custom_mode: int) -> FlightMode | None:
         """The mode of a HEARTBEAT's custom mode."""

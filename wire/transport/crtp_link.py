@@ -1,7 +1,8 @@
 """CRTP by cflib's drivers, over a Crazyradio or UDP: their calls block, so a link has two threads. Needs `[crazyflie]`.
 
-Of packets that wait for the radio's turn the newest of a kind is sent. Several links of one radio share it in cflib, in
-turn, a packet each.
+cflib reports a Crazyflie that does not answer. Of a radio that is unplugged it reports nothing and may wait for ever:
+the silence shows that. Of packets that wait for the radio's turn the newest of a kind is sent. Several links of one
+radio share it in cflib, in turn, a packet each.
 """
 
 import asyncio
@@ -9,12 +10,14 @@ from collections.abc import Callable
 from threading import Condition, Thread
 
 from cflib.crtp.crtpstack import CRTPPacket
-from cflib.crtp.radiodriver import RadioDriver
+from cflib.crtp.radiodriver import RadioDriver, RadioManager
 from cflib.crtp.udpdriver import UdpDriver
 
 from wire.crtp import Port, port_and_channel
 
 _POLL_S, _JOIN_S = 0.1, 1.0
+_SILENT_POLLS = 20
+"""Of 2 s: by then cflib has reported a Crazyflie that does not answer a hundred packets."""
 _DRIVERS = {"radio": RadioDriver, "udp": UdpDriver}
 
 
@@ -26,6 +29,8 @@ class CrtpLink:
         self.lost = asyncio.Event()
         self.why = ""
         """Why it was lost."""
+        self.has_received = self.radio_is_lost = False
+        """Whether a packet came; whether not the Crazyflie is lost, but its radio, and so every link of it."""
         self.quality = float("nan")
         """Of a radio: percent of packets that needed no second try; NaN where nobody measures it."""
         self._driver, self._deliver = driver, deliver
@@ -37,6 +42,7 @@ class CrtpLink:
 
     def connect(self, uri: str) -> None:
         """Open the driver; blocks, raises what cflib raises, which is an Exception."""
+        self._radio = RadioDriver.parse_uri(uri)[0] if isinstance(self._driver, RadioDriver) else None
         self._driver.connect(uri, self._measure, self._lose)
         for thread in self._threads:
             thread.start()
@@ -57,12 +63,24 @@ class CrtpLink:
             self._changed.notify()
         for thread in self._threads:
             thread.join(_JOIN_S)
-        self._driver.close()
+        closer = Thread(
+            target=self._driver.close, daemon=True
+        )  # cflib's waits for a radio's answer, which may not come
+        closer.start()
+        closer.join(_JOIN_S)
 
     def _receive(self) -> None:
+        silent = 0
         while not self._closed:
             packet = self._driver.receive_packet(_POLL_S)
+            silent = silent + 1 if packet is None else 0
+            if silent == _SILENT_POLLS:
+                self.radio_is_lost = self._radio is not None and not self.lost.is_set()
+                if self.radio_is_lost:
+                    RadioManager.remove(self._radio)  # the next link opens it anew
+                self._lose("no packet for 2 s")
             if packet is not None and not self._closed:
+                self.has_received = True
                 self._loop.call_soon_threadsafe(self._deliver, bytes((packet.header, *packet.data)))
 
     def _send(self) -> None:
@@ -79,7 +97,7 @@ class CrtpLink:
         self.quality = statistics.get("link_quality", self.quality)
 
     def _lose(self, why: str) -> None:
-        if not self._closed:
+        if not self._closed and not self.why:
             self.why = why.strip().partition("\n")[0]
             self._loop.call_soon_threadsafe(self.lost.set)
 

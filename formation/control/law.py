@@ -19,7 +19,6 @@ from formation.control.prediction import (
     WORKSPACE,
     LawContext,
     Workspace,
-    disturbance_at,
     motion_at,
     situation,
 )
@@ -186,16 +185,12 @@ def _horizontal_demand(
         out.specific_force_lab_m_s2[axis] = w.force[axis]
     pull = law.lag_compensation.gain * gain**law.lag_compensation.gain_power - 1.0
     for axis in range(2):
-        _ask(axis, law.horizontal, disturbance_at(context, n, axis, hold_ns), w, out)
+        _ask(axis, law.horizontal, context.estimates[n].dist_lab_m_s2[axis], w, out)
     bound_sideways(out.acc_lab_m_s2)
     for axis in range(2):
         if law.compensate:
-            z3 = disturbance_at(context, n, axis, hold_ns)
-            rising = (
-                disturbance_at(context, n, axis, hold_ns + lag_ns) - z3 if uses_disturbance(law.horizontal) else 0.0
-            )
-            drag_1_s = context.observers[n].drag_1_s[axis]
-            _invert_lag(axis, lag_s, law.lag_compensation.rate, pull, z3, rising, drag_1_s, w, out)
+            z3, drag_1_s = context.estimates[n].dist_lab_m_s2[axis], context.observers[n].drag_1_s[axis]
+            _invert_lag(axis, lag_s, law.lag_compensation.rate, pull, z3, drag_1_s, w, out)
 
 
 @kernel
@@ -227,7 +222,7 @@ def _vertical_demand(
         _feed_back(axis, law.vertical, law.speed_m_s, 1.0, memory, context.references[i].airborne, dt_s, w, out)
         _ask(axis, law.vertical, z3, w, out)
         drag_1_s = context.observers[n].drag_1_s[axis]
-        _invert_lag(axis, lag_s, law.lag_compensation.rate, 0.0, z3, 0.0, drag_1_s, w, out)
+        _invert_lag(axis, lag_s, law.lag_compensation.rate, 0.0, z3, drag_1_s, w, out)
     for order in range(3):
         out.motion[order, 2] = w.mine[order, 2]
     size = sqrt(w.force[0] * w.force[0] + w.force[1] * w.force[1] + w.force[2] * w.force[2])
@@ -366,18 +361,17 @@ def bound_sideways(acc: Float) -> None:
 
 @kernel
 def _invert_lag(
-    axis: int, lag_s: float, share: float, pull: float, z3: float, rising: float, drag_1_s: float, w: Workspace,
+    axis: int, lag_s: float, share: float, pull: float, z3: float, drag_1_s: float, w: Workspace,
     out: Demand,
 ) -> None:  # fmt: skip
     """What is added to one axis's demand to invert the lag: lag_s times the demand's rate when the command holds.
 
-    The reference's rate is its mean over the lag about then. share: of the feedback's own rate that is sent ahead; z3,
-    rising: Z3 then, and what it rises by in the lag (a guess, which decays); drag_1_s: see ObserverSettings, for the
-    drag too is needed ahead; pull: how much harder than needed the command pulls at what the predicted acceleration
-    misses.
+    The reference's rate is its mean over the lag about then. share: of the feedback's own rate that is sent ahead;
+    pull: how much harder than needed the command pulls at what the predicted acceleration misses; drag_1_s: see
+    ObserverSettings, for the drag too is needed ahead.
     """
     coming = w.lab_change[2, axis] + drag_1_s * w.lab_change[1, axis]
     bend = w.lab_bend[2, axis] + drag_1_s * w.lab_bend[1, axis]
     out.acc_rate_lab_m_s3[axis], out.snap_lab_m_s4[axis] = coming / lag_s, 4.0 * bend / (lag_s * lag_s)
     missing = out.acc_lab_m_s2[axis] - (w.mine[2, axis] - z3)
-    out.lead_acc_lab_m_s2[axis] = coming + share * lag_s * w.feedback_rate[axis] - rising + pull * missing
+    out.lead_acc_lab_m_s2[axis] = coming + share * lag_s * w.feedback_rate[axis] + pull * missing

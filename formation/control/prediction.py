@@ -10,7 +10,6 @@ from typing import Annotated, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from formation.estimation.observers import disturbance_rate
 from formation.estimation.response import SECONDS, SentCommands, answer, attitude_dead_s
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
@@ -22,7 +21,6 @@ from formation.maths.records import Rows, dtype_of
 from formation.paper.eq2_relative_frame import copy_motion, lead_from_lab
 from formation.vehicle.body import GRAVITY_M_S2
 
-RATE_DECAY_1_S = 10.0  # of the rate of Z3: a push does not rise for ever
 LEADER = cast(int, np.int64(0))  # a literal 0 would be a type of its own, and the prediction compiled once more
 
 
@@ -149,8 +147,8 @@ def motion_at(context: LawContext, n: int, to_ns: int, out: Float, force: Float)
     """Motion of vehicle n at to_ns into out (3, 4), and the modelled specific force then into force (3).
 
     A commanded vehicle answers its past commands by dead time and lag; one that is only observed goes on turning its
-    force at a decaying rate. So does Z3 along x and y; Z3 of the height is taken to last. Drag, f(x) of Eq. (4), slows
-    a commanded vehicle: the velocity loses drag_1_s times the distance, by the trapezoidal rule.
+    force at a decaying rate. Z3 is taken to last. Drag, f(x) of Eq. (4), slows a commanded vehicle: the velocity loses
+    drag_1_s times the distance, by the trapezoidal rule.
     """
     z, observer = context.estimates[n], context.observers[n]
     h = (to_ns - z.t_ns) * SECONDS
@@ -171,32 +169,20 @@ def motion_at(context: LawContext, n: int, to_ns: int, out: Float, force: Float)
             speed[axis], travel[axis] = force[axis] * h + turn * swung, 0.5 * force[axis] * h * h + turn * swept
             force[axis] += turn * turned
     scale = z.thrust_scale
-    risen, swung, swept = decaying(h, RATE_DECAY_1_S)
     for axis in range(3):
-        steady, rate = z.dist_lab_m_s2[axis], 0.0
-        if axis < 2:
-            rate = disturbance_rate(z, axis, observer)
-        elif commanded:
+        steady = z.dist_lab_m_s2[axis]
+        if axis == 2 and commanded:
             steady -= GRAVITY_M_S2
         drag = observer.drag_1_s[axis]
-        free = h * z.vel_lab_m_s[axis] + scale * travel[axis] + 0.5 * h * h * steady + swept * rate
+        free = h * z.vel_lab_m_s[axis] + scale * travel[axis] + 0.5 * h * h * steady
         moved = free / (1.0 + 0.5 * drag * h)  # the integral of the distance is about h / 2 times it
         out[0, axis] = z.pos_lab_m[axis] + moved
-        out[1, axis] = z.vel_lab_m_s[axis] + scale * speed[axis] + h * steady + swung * rate - drag * moved
-        out[2, axis] = scale * force[axis] + steady + risen * rate - drag * out[1, axis]
+        out[1, axis] = z.vel_lab_m_s[axis] + scale * speed[axis] + h * steady - drag * moved
+        out[2, axis] = scale * force[axis] + steady - drag * out[1, axis]
     turning = z.motion[2, 3]
     out[0, 3] = z.heading.yaw_rad + h * z.heading.rate_rad_s + 0.5 * h * h * turning
     out[1, 3] = z.heading.rate_rad_s + h * turning
     out[2, 3] = turning
-
-
-@kernel
-def disturbance_at(context: LawContext, n: int, axis: int, to_ns: int) -> float:
-    """Z3 of vehicle n along x or y at to_ns, m/s^2: it goes on at its rate, which decays."""
-    z = context.estimates[n]
-    risen, _, _ = decaying((to_ns - z.t_ns) * SECONDS, RATE_DECAY_1_S)
-    value: float = z.dist_lab_m_s2[axis] + risen * disturbance_rate(z, axis, context.observers[n])
-    return value
 
 
 @kernel

@@ -81,7 +81,7 @@ FAST = Parallel(
     attitude_trust=0.56,
     urgency=4.4,
 )
-LAG_COMPENSATION = LagCompensation(rate=0.85, gain=1.2, p1_power=0.9, lead_share=0.28)
+LAG_COMPENSATION = LagCompensation(rate=0.85, gain=1.5, p1_power=0.9, lead_share=0.28)
 FIRM_COMPENSATION = LagCompensation(rate=1.2, gain=1.64, gain_power=0.255)
 """Of laws whose own gains nothing raises in a push."""
 

@@ -149,6 +149,7 @@ def _force_limits(config: LabConfig, i: int, profile: VehicleProfile) -> ForceLi
         drag_1_s=profile.drag_1_s,
         rate_feed_forward=profile.rate_feed_forward,
         turn_authority_rad_s2_m=turn_authority(profile),
+        response_s=profile.response_dead_time_s + profile.response_lag_s,
         tilt_max_rad=limits.tilt_rad,
         fence_low_m=np.array(limits.fence.low_m),
         fence_high_m=np.array(limits.fence.high_m),

@@ -30,10 +30,6 @@ again. So reversals count against the weight: n of late leave 1 / (1 + (n / 2)^8
 observers' bandwidth, which follows the vehicle. What remains is the loop of the slow observer, whose delay margin is
 known (formation.control.margin).
 
-*Rate* of Z3 along x and y: how far Z3 is from its low-pass, over that filter's lag, by the weight of the fast observer.
-A command answers the push of the time when it takes effect, and till then the push goes on at this rate, which decays
-(formation.control.prediction). After a change of sides it does not count until that is forgotten.
-
 *What each is worth*, in mm RMS, and in m between the nearest two of twenty that cross in one point (test_kept_apart):
 
 * fourth power: by the square, hover_gust 20.4 for 19.3, triangle_circle 0.457 for 0.413, crossing 0.153 for 0.162.
@@ -64,8 +60,6 @@ ACCEL_NOISE_M_S2 = (0.05, 1.5)  # the least and the most that is believed
 REMEMBERED = 84.0  # time constants of the fast observer, for which a change of sides is remembered
 REVERSALS, SIGN_LEAST = 2.0, 0.5  # a swing's least; share of noise for a sign
 PUSH_MOST_M_S2 = 14.0  # as much as Z3 may be
-RATE_LAG = 5.0  # of the filter that the rate of Z3 comes from, in time constants of the fast observer
-RATE_REVERSALS = 0.5  # changes of side of late, with which it counts by half
 
 
 @kernel
@@ -281,24 +275,3 @@ def observe_parallel(
         z.pos_lab_m[axis] += pair.weight * pair.minus_slow[0, axis]
         z.vel_lab_m_s[axis] += pair.weight * pair.minus_slow[1, axis]
         z.dist_lab_m_s2[axis] += pair.weight * pair.minus_slow[2, axis]
-
-
-@kernel
-def follow_disturbance(z: VehicleEstimate, dt_s: float, settings: ObserverSettings) -> None:
-    """Low-pass Z3 along x and y: how far Z3 is from that gives its rate (`disturbance_rate`)."""
-    share = 1.0 - exp(-dt_s * settings.parallel.bandwidth_rad_s / RATE_LAG)
-    for axis in range(2):
-        z.dist_late_lab_m_s2[axis] += share * (z.dist_lab_m_s2[axis] - z.dist_late_lab_m_s2[axis])
-
-
-@kernel
-def disturbance_rate(z: VehicleEstimate, axis: int, settings: ObserverSettings) -> float:
-    """Rate of Z3 along x or y, m/s^3, by the weight of the fast observer: in calm air it is noise.
-
-    It counts for a push that comes out of calm. One that has changed sides of late may be a swing, which it would feed.
-    """
-    reversals = z.fast.reversals[axis] / RATE_REVERSALS
-    weight = z.fast.weight * (1.0 - blending_weight(reversals * reversals))
-    lag_1_s = settings.parallel.bandwidth_rad_s / RATE_LAG
-    rate: float = weight * lag_1_s * (z.dist_lab_m_s2[axis] - z.dist_late_lab_m_s2[axis])
-    return rate

@@ -126,9 +126,9 @@ class VehicleEstimate:
     true thrust per modelled thrust (mass, battery, propellers).
     Remembered, to make it: the attitude and the time last seen; `noise` of the cameras; how fast the observers are:
     the filtered innovation of a vehicle that is only observed (of one that is commanded, of its height alone),
-    adaptive_gain (of a commanded vehicle its urgency), the `fast` observer and the `inertial` innovation; dist_late:
-    Z3 low-passed, for its rate; what sets the modelled force right: `observed` of a vehicle that is only observed,
-    `model_error` of a commanded one; downwash: what Z3 of the height has of it.
+    adaptive_gain (of a commanded vehicle its urgency), the `fast` observer and the `inertial` innovation; what
+    sets the modelled force right: `observed` of a vehicle that is only observed, `model_error` of a commanded one;
+    downwash: what Z3 of the height has of it.
     """
 
     t_ns: int
@@ -148,7 +148,6 @@ class VehicleEstimate:
     adaptive_gain: float
     fast: FastObserver
     inertial: InertialInnovation
-    dist_late_lab_m_s2: Vec2
     observed: ObservedTilt
     model_error: ModelError
     downwash_m_s2: float

@@ -16,7 +16,6 @@ from formation.estimation.heading import AMPLIFIED, observe_heading
 from formation.estimation.observers import (
     PUSH_MOST_M_S2,
     adapt,
-    follow_disturbance,
     height_gain,
     learn_noise,
     observe_parallel,
@@ -202,7 +201,6 @@ def observe(
         observe_axis(z, axis, pos_lab_m[axis], seen, model[axis], dt_s, s)
     for axis in range(3):
         z.dist_lab_m_s2[axis] = min(max(z.dist_lab_m_s2[axis], -PUSH_MOST_M_S2), PUSH_MOST_M_S2)
-    follow_disturbance(z, dt_s, s)
     if airborne and commanded and seen and z.specific_force_lab_m_s2[2] > LIFT_LEAST * GRAVITY_M_S2:
         learn_thrust_scale(z, dt_s, s)
     observe_heading(z, seen, dt_s, s)

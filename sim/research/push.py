@@ -23,8 +23,9 @@ BEGIN_S, LATE_S = 10.0, 3.0
 FORMATION_S = 14.0
 WALL = SweptFan(pos_lab_m=(3.0, 0.0, 0.3), sweep_rad=0.0, diameter_m=20.0, start_s=BEGIN_S)
 """A fan so wide that it pushes alike wherever the drone goes."""
-SETTLED_DEG, CALM_DEG = 1.0, 0.5
-"""Settled: within SETTLED_DEG of the tilt that holds against the push; calm: the most that it still swings then."""
+SETTLED_DEG, CALM_SHARE = 1.0, 1.5
+"""Settled: within SETTLED_DEG of the tilt that holds against the push; calm: it then swings by no more than so many
+times what the cameras' noise shook it by before."""
 SHARE_MOST, STRAYED_M = 0.9, 0.5
 """A push is at most so much of what the tilt limit holds against, and one that must carry the vehicle so far at most:
 half of what the ground lands it at."""
@@ -34,19 +35,20 @@ half of what the ground lands it at."""
 class Settling:
     """How a push was met; NaN where none was flown, or the formation ended before.
 
-    swing_deg: largest angle of the thrust axis off its mean in the last LATE_S; settle_s: from the push until it stays
-    within SETTLED_DEG of that; deviation_m: largest of the position.
+    swing_deg: largest angle of the thrust axis off its mean in the last LATE_S, hover_deg: in as long before the push;
+    settle_s: from the push until it stays within SETTLED_DEG of that mean; deviation_m: largest of the position.
     """
 
     outcome: str
     swing_deg: float = np.nan
+    hover_deg: float = np.nan
     settle_s: float = np.nan
     deviation_m: float = np.nan
 
     @property
     def at_rest(self) -> bool:
         """Whether it ended well, and did not swing at last."""
-        return self.outcome in GOOD_RESULTS and self.swing_deg <= CALM_DEG
+        return self.outcome in GOOD_RESULTS and self.swing_deg <= CALM_SHARE * self.hover_deg
 
 
 def push_of(lab: LabConfig, share: float) -> dict[str, object]:
@@ -75,12 +77,14 @@ def settling(flight: Flight, outcome: str) -> Settling:
     if not spans or spans[0].end_s < BEGIN_S + LATE_S:
         return Settling(outcome)
     pushed: Bool = (truth.t_s >= BEGIN_S) & (truth.t_s < spans[0].end_s)
+    hover = truth["q_lab_from_flu"][(truth.t_s >= BEGIN_S - LATE_S) & (truth.t_s < BEGIN_S)]
     t_s = truth.t_s[pushed] - BEGIN_S
     pos = truth["pos_lab_m"][pushed]
     angle_deg = swing(truth["q_lab_from_flu"][pushed], t_s >= t_s[-1] - LATE_S)
     return Settling(
         outcome,
         float(angle_deg[t_s >= t_s[-1] - LATE_S].max()),
+        float(swing(hover, np.ones(len(hover), np.bool_)).max()),
         settled_s(t_s, angle_deg),
         float(np.linalg.norm(pos - pos[0], axis=-1).max()),
     )

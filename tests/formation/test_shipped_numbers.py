@@ -22,14 +22,14 @@ HELD = {
        ("its flight", LAB.flight), ("its leader's path", LAB.leader.trajectory))},
 }  # fmt: skip
 FINGERPRINTS = {
-    "preset default": "ab247502a8f2",
-    "preset pid_leader": "320a969e0235",
+    "preset default": "b0291adfb59d",
+    "preset pid_leader": "0c742d45bd9d",
     "preset paper": "855c6d295fb7",
     "preset paper_istsmc": "fb5b7db8a0d3",
     "preset paper_smc": "5735ab54c89e",
     "preset pid": "5276d90dcfbc",
     "preset geometric": "8ee7e3e8b8f4",
-    "preset no_downwash": "27a282a463d0",
+    "preset no_downwash": "b3b29b3ba6d2",
     "vehicle paper_40g": "1770b884a6f6",
     "vehicle paper_40g_printed": "1486635ff446",
     "vehicle px4_quad": "2ed2b7fc8b12",

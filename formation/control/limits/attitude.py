@@ -41,14 +41,15 @@ class ForceLimits:
     """What bounds the force of one commanded vehicle; a record.
 
     vehicle: its index among the n; drag_1_s: see ObserverSettings; turn_authority_rad_s2_m: `turn_authority`;
-    rate_feed_forward: whether its autopilot adds the body rates of a target; sink_most_m_s: the sink rate of a landing
-    at which it is no longer pushed down.
+    response_s: dead time and lag of its attitude; rate_feed_forward: whether its autopilot adds the body rates of a
+    target; sink_most_m_s: the sink rate of a landing at which it is no longer pushed down.
     """
 
     vehicle: int
     drag_1_s: Vec3
     rate_feed_forward: bool
     turn_authority_rad_s2_m: float
+    response_s: float
     tilt_max_rad: float
     fence_low_m: Vec3
     fence_high_m: Vec3
@@ -161,7 +162,9 @@ def limit_force(
         )
     met = clamp_force(aim, least, LIFT_MOST * full, s.tilt_max_rad)
     met_later = clamp_force(lead, least, LIFT_MOST * full, LEAD_TILT_RAD if s.rate_feed_forward else s.tilt_max_rad)
-    trusted = s.turn_authority_rad_s2_m * trusted_authority(z.model_error.mismatch)
+    trusted = s.turn_authority_rad_s2_m * trusted_authority(
+        z.model_error.mismatch, z.model_error.delay_shift_s / s.response_s
+    )
     clamp_turn(aim, wanted.specific_force_lab_m_s2, trusted, full)
     clamp_turn(lead, wanted.specific_force_lab_m_s2, trusted, full)
     return bits + (met if s.rate_feed_forward else max(met, met_later))
@@ -255,12 +258,15 @@ def clamp_turn(force: Float, now: Float, authority: float, full: float) -> None:
 
 
 @kernel
-def trusted_authority(mismatch: float) -> float:
+def trusted_authority(mismatch: float, earlier: float) -> float:
     """Share of its turn authority that a vehicle is trusted with: less where it answers otherwise than believed.
 
-    One that asks its motors for several times the torque the profile expects would swing from stop to stop.
+    One that asks its motors for several times the torque the profile expects would swing from stop to stop. earlier: by
+    what share of the answer's length it comes before it is expected; the torque that an error is met with goes with
+    the inverse square of that length.
     """
-    return 1.0 - (1.0 - AUTHORITY_LEAST) * doubt(mismatch)
+    length = 1.0 - max(earlier, 0.0)
+    return length * length * (1.0 - (1.0 - AUTHORITY_LEAST) * doubt(mismatch))
 
 
 @kernel

@@ -226,6 +226,15 @@ def test_a_preset_counts_on_its_share_of_the_answer() -> None:
 
 
 def test_a_vehicle_is_turned_less_the_less_it_answers_as_believed() -> None:
-    assert trusted_authority(0.0) == trusted_authority(MISMATCH_FAIR) == 1.0
-    assert AUTHORITY_LEAST < trusted_authority(0.5 * (MISMATCH_FAIR + MISMATCH_BAD)) < 1.0
-    assert trusted_authority(5.0) == pytest.approx(AUTHORITY_LEAST)
+    assert trusted_authority(0.0, 0.0) == trusted_authority(MISMATCH_FAIR, 0.0) == 1.0
+    assert AUTHORITY_LEAST < trusted_authority(0.5 * (MISMATCH_FAIR + MISMATCH_BAD), 0.0) < 1.0
+    assert trusted_authority(5.0, 0.0) == pytest.approx(AUTHORITY_LEAST)
+
+
+def test_a_vehicle_with_loops_twice_as_fast_meets_an_error_with_four_times_the_torque() -> None:
+    """attitude_p rate_p of the answer's inverse length squared; one that is slower is turned no harder for it."""
+    quick = PX4_QUAD.model_copy(
+        update={"attitude_p_1_s": 2.0 * PX4_QUAD.attitude_p_1_s, "rate_p_1_s": 2.0 * PX4_QUAD.rate_p_1_s}
+    )
+    assert trusted_authority(0.0, 0.5) * turn_authority(PX4_QUAD) == pytest.approx(turn_authority(quick))
+    assert trusted_authority(0.0, -0.5) == 1.0

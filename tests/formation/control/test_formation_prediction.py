@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from formation.control.prediction import LawContext, disturbance_at, motion_at
+from formation.control.prediction import LawContext, motion_at
 from formation.estimation.response import SentCommands, no_history, remember
 from formation.estimation.settings import ObserverSettings
 from formation.estimation.state import VehicleEstimate
@@ -43,25 +43,6 @@ def test_drag_slows_a_vehicle_as_the_exact_solution_does(vel_m_s: float, push_m_
     vel = end + (vel_m_s - end) * kept
     pos = end * AHEAD_S + (vel_m_s - end) * (1.0 - kept) / drag_1_s
     assert _predicted(vel_m_s, push_m_s2, drag_1_s) == pytest.approx([pos, vel, push_m_s2 - drag_1_s * vel], abs=2e-3)
-
-
-@pytest.mark.parametrize("weight", [1.0, 0.25])
-def test_a_push_that_rises_goes_on_rising_for_a_tenth_of_a_second(weight: float) -> None:
-    """d' = 20 w exp(-10 t) from d = 2 on: a filter of 5 / (50 rad/s) = 0.1 s is 2 m/s^2 behind. In steps of 0.1 ms."""
-    z, observer = blank(VehicleEstimate, 1), blank(ObserverSettings, 1)
-    z["t_ns"], z["thrust_scale"], z["fast"]["weight"] = T_NS, 1.0, weight
-    z["dist_lab_m_s2"], z["dist_late_lab_m_s2"] = [[2.0, -2.0, 0.0]], [[0.0, 0.0]]
-    observer["commanded_index"], observer[0].parallel.bandwidth_rad_s = -1, 50.0
-    known, motion = _known(z, observer, no_history(1)), np.zeros((3, 4))
-    motion_at(known, 0, T_NS + round(AHEAD_S * 1e9), motion, np.zeros(3))
-    times_s = np.linspace(0.0, AHEAD_S, 1701)
-    push = 2.0 + 2.0 * weight * (1.0 - np.exp(-10.0 * times_s))
-    vel = np.concatenate([[0.0], np.cumsum(0.5 * (push[1:] + push[:-1]) * 1e-4)])
-    pos = np.sum(0.5 * (vel[1:] + vel[:-1]) * 1e-4)
-    assert motion[:, 0] == pytest.approx([pos, vel[-1], push[-1]], rel=1e-6)
-    assert motion[:, 1] == pytest.approx(-motion[:, 0])
-    assert disturbance_at(known, 0, 0, T_NS + round(AHEAD_S * 1e9)) == pytest.approx(push[-1])
-    assert disturbance_at(known, 0, 0, T_NS) == 2.0
 
 
 def test_without_drag_it_is_newtons_law() -> None:

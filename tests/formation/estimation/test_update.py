@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from formation.estimation.heading import observe_heading
-from formation.estimation.observers import filter_innovation, follow_disturbance, height_gain
+from formation.estimation.observers import filter_innovation, height_gain
 from formation.estimation.response import no_history, remember
 from formation.estimation.settings import ObserverGains, ObserverSettings
 from formation.estimation.state import VehicleEstimate
@@ -138,10 +138,3 @@ def test_what_moves_as_the_model_and_z3_say_leaves_no_innovation() -> None:
     heading.yaw_rad, heading.rate_rad_s, heading.dist_rad_s2, heading.acc_command_rad_s2 = 1.0, 2.0, 0.5, 0.7
     observe_heading(z, False, 0.1, _settings())
     assert (heading.yaw_rad, heading.rate_rad_s, heading.dist_rad_s2) == pytest.approx((1.206, 2.07, 0.0))
-
-
-def test_z3_is_followed_by_a_low_pass_of_a_fifth_of_the_fast_observers_bandwidth() -> None:
-    z, settings = blank(VehicleEstimate, 1)[0], _settings()
-    settings.parallel.bandwidth_rad_s, z.dist_lab_m_s2[1] = 168.0, 2.0
-    follow_disturbance(z, DT_S, settings)
-    assert z.dist_late_lab_m_s2.tolist() == pytest.approx([0.0, 2.0 * (1.0 - np.exp(-DT_S * 168.0 / 5.0))])

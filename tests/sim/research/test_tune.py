@@ -9,7 +9,10 @@ from sim.research.push import Settling
 
 
 def a_score(outcome: str = "landed", dev: float = 0.04, chatter: float = 0.3, rms: float = 0.001) -> Score:
-    gust, push = GustNumbers(0.5 * dev, dev, 0.2, 0.1, 0.05, chatter), Settling(outcome, 0.5, 1.0, 0.1)
+    gust, push = (
+        GustNumbers(0.5 * dev, dev, 0.2, 0.1, 0.05, chatter),
+        Settling(outcome, swing_deg=0.5, settle_s=1.0, deviation_m=0.1),
+    )
     return Score(outcome, gust, push, rms, 0.001, None)
 
 

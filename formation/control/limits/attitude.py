@@ -162,11 +162,10 @@ def limit_force(
         )
     met = clamp_force(aim, least, LIFT_MOST * full, s.tilt_max_rad)
     met_later = clamp_force(lead, least, LIFT_MOST * full, LEAD_TILT_RAD if s.rate_feed_forward else s.tilt_max_rad)
-    trusted = s.turn_authority_rad_s2_m * trusted_authority(
-        z.model_error.mismatch, z.model_error.delay_shift_s / s.response_s
-    )
-    clamp_turn(aim, wanted.specific_force_lab_m_s2, trusted, full)
-    clamp_turn(lead, wanted.specific_force_lab_m_s2, trusted, full)
+    trusted = s.turn_authority_rad_s2_m * trusted_authority(z.model_error.mismatch)
+    length = 1.0 - max(z.model_error.delay_shift_s, 0.0) / s.response_s
+    clamp_turn(aim, wanted.specific_force_lab_m_s2, trusted, length, full)
+    clamp_turn(lead, wanted.specific_force_lab_m_s2, trusted, length, full)
     return bits + (met if s.rate_feed_forward else max(met, met_later))
 
 
@@ -243,30 +242,31 @@ def clamp_force(force: Float, least: float, lift_most: float, tilt_max_rad: floa
 
 
 @kernel
-def clamp_turn(force: Float, now: Float, authority: float, full: float) -> None:
+def clamp_turn(force: Float, now: Float, authority: float, length: float, full: float) -> None:
     """Keeps the horizontal force asked for within what the motors can turn to from the one expected `now` (3).
 
     Beyond it the attitude loop saturates, cannot brake in time and overshoots, and a mixer that puts attitude first
-    takes the torque out of the lift. authority: see `turn_authority`; full: specific force of full thrust.
+    takes the torque out of the lift. authority: see `turn_authority`; full: specific force of full thrust. length: of
+    the vehicle's answer as it is seen, over the profile's, at most 1. Loops so much faster meet an error with the
+    inverse square of it in torque. Below half of full thrust that saturates, and costs no lift; at full thrust, all.
     """
     dx, dy = force[0] - now[0], force[1] - now[1]
     size = sqrt(dx * dx + dy * dy)
-    most = authority * force[2] * max(min(force[2], full - force[2]), 0.0)
+    costly = max(2.0 * force[2] / full - 1.0, 0.0)
+    left = (1.0 - costly * (1.0 - length * length)) * (full - force[2])
+    most = authority * force[2] * max(min(force[2], left), 0.0)
     if size > most:
         force[0] = now[0] + dx * most / size
         force[1] = now[1] + dy * most / size
 
 
 @kernel
-def trusted_authority(mismatch: float, earlier: float) -> float:
+def trusted_authority(mismatch: float) -> float:
     """Share of its turn authority that a vehicle is trusted with: less where it answers otherwise than believed.
 
-    One that asks its motors for several times the torque the profile expects would swing from stop to stop. earlier: by
-    what share of the answer's length it comes before it is expected; the torque that an error is met with goes with
-    the inverse square of that length.
+    One that asks its motors for several times the torque the profile expects would swing from stop to stop.
     """
-    length = 1.0 - max(earlier, 0.0)
-    return length * length * (1.0 - (1.0 - AUTHORITY_LEAST) * doubt(mismatch))
+    return 1.0 - (1.0 - AUTHORITY_LEAST) * doubt(mismatch)
 
 
 @kernel

@@ -94,10 +94,10 @@ def test_tilt_and_thrust_bounds_put_height_before_sideways(force: np.ndarray, li
 @pytest.mark.parametrize("force", FORCES)
 def test_a_turn_stays_within_the_motors_torque(force: np.ndarray) -> None:
     now = np.array([0.7, -0.4, 9.0])
-    for authority, full in ((0.02, 20.0), (0.05, 12.0), (1.0, 20.0), (0.02, 5.0)):
+    for authority, length, full in ((0.02, 1.0, 20.0), (0.05, 0.6, 12.0), (1.0, 0.5, 20.0), (0.02, 1.0, 5.0)):
         mine = force.copy()
-        clamp_turn(mine, now, authority, full)
-        np.testing.assert_allclose(mine, turned(force, now, authority, full), rtol=1e-12)
+        clamp_turn(mine, now, authority, length, full)
+        np.testing.assert_allclose(mine, turned(force, now, authority, length, full), rtol=1e-12)
 
 
 @pytest.mark.parametrize("lands", [False, True])
@@ -120,10 +120,10 @@ FULL = PAPER_40G.thrust_max_n / PAPER_40G.mass_kg
 LEVEL = np.array([0.0, 0.0, GRAVITY_M_S2])
 
 
-def left_of_turn(lift: float, sideways: float = 30.0) -> float:
+def left_of_turn(lift: float, sideways: float = 30.0, length: float = 1.0) -> float:
     """What is left of a sideways demand from level, at that lift, for the paper's vehicle."""
     force = np.array([sideways, 0.0, lift])
-    clamp_turn(force, LEVEL, turn_authority(PAPER_40G), FULL)
+    clamp_turn(force, LEVEL, turn_authority(PAPER_40G), length, FULL)
     return float(force[0])
 
 
@@ -184,7 +184,7 @@ def test_what_inverts_the_lag_is_bounded_by_thrust_tilt_and_turn(body: VehiclePr
     estimates["thrust_scale"] = 1.0
     limit_force(settings, wanted, estimates, blank(VehicleReference, 1)[0], 10**9, full, aim, lead)
     turned_most = np.array([30.0, 0.0, LEVEL[2]])
-    clamp_turn(turned_most, LEVEL, turn_authority(body), full)
+    clamp_turn(turned_most, LEVEL, turn_authority(body), 1.0, full)
     np.testing.assert_allclose([aim, lead], [LEVEL, [most_m_s2 or turned_most[0], 0.0, LEVEL[2]]])
 
 
@@ -226,15 +226,13 @@ def test_a_preset_counts_on_its_share_of_the_answer() -> None:
 
 
 def test_a_vehicle_is_turned_less_the_less_it_answers_as_believed() -> None:
-    assert trusted_authority(0.0, 0.0) == trusted_authority(MISMATCH_FAIR, 0.0) == 1.0
-    assert AUTHORITY_LEAST < trusted_authority(0.5 * (MISMATCH_FAIR + MISMATCH_BAD), 0.0) < 1.0
-    assert trusted_authority(5.0, 0.0) == pytest.approx(AUTHORITY_LEAST)
+    assert trusted_authority(0.0) == trusted_authority(MISMATCH_FAIR) == 1.0
+    assert AUTHORITY_LEAST < trusted_authority(0.5 * (MISMATCH_FAIR + MISMATCH_BAD)) < 1.0
+    assert trusted_authority(5.0) == pytest.approx(AUTHORITY_LEAST)
 
 
-def test_a_vehicle_with_loops_twice_as_fast_meets_an_error_with_four_times_the_torque() -> None:
-    """attitude_p rate_p of the answer's inverse length squared; one that is slower is turned no harder for it."""
-    quick = PX4_QUAD.model_copy(
-        update={"attitude_p_1_s": 2.0 * PX4_QUAD.attitude_p_1_s, "rate_p_1_s": 2.0 * PX4_QUAD.rate_p_1_s}
-    )
-    assert trusted_authority(0.0, 0.5) * turn_authority(PX4_QUAD) == pytest.approx(turn_authority(quick))
-    assert trusted_authority(0.0, -0.5) == 1.0
+def test_loops_twice_as_fast_are_asked_for_less_only_where_their_torque_costs_lift() -> None:
+    """Four times the torque: near full thrust a quarter of the turn; up to half of it the motors just saturate."""
+    for lift in (0.3 * FULL, 0.5 * FULL):
+        assert left_of_turn(lift, length=0.5) == left_of_turn(lift)
+    assert left_of_turn(0.999 * FULL, length=0.5) == pytest.approx(0.25 * left_of_turn(0.999 * FULL), rel=0.01)

@@ -48,10 +48,11 @@ def bounded(force: np.ndarray, least: float, lift_most: float, tilt: float) -> t
     return np.array([flat[0], flat[1], up]), bits
 
 
-def turned(force: np.ndarray, now: np.ndarray, authority: float, full: float) -> np.ndarray:
+def turned(force: np.ndarray, now: np.ndarray, authority: float, length: float, full: float) -> np.ndarray:
     """Sideways no further from the force of now than the motors' torque can turn."""
     gap = force[:2] - now[:2]
-    most = authority * force[2] * max(min(force[2], full - force[2]), 0.0)
+    share = np.interp(force[2], [0.5 * full, full], [1.0, length**2])
+    most = authority * force[2] * max(min(force[2], share * (full - force[2])), 0.0)
     size = np.linalg.norm(gap)
     flat = now[:2] + gap * min(1.0, most / size) if size > 0.0 else force[:2]
     return np.array([flat[0], flat[1], force[2]])

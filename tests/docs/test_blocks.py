@@ -20,7 +20,18 @@ from tests.docs.manual_pages import BASE_LAB, ROOT, Labs, blocks, name_of, pages
 from tools.reference import pieces
 from wire.config_file import parse
 
-FOREIGN = {"docker", "export", "ssh", "journalctl", "systemctl", "mavproxy.py", "mkdir", "rerun", "ros2"}
+FOREIGN = {
+    "docker",
+    "export",
+    "ssh",
+    "journalctl",
+    "systemctl",
+    "mavproxy.py",
+    "mkdir",
+    "rerun",
+    "ros2",
+    "zenoh-bridge-ros2dds",
+}
 """Programs of other people: of them only the paths in this repository are checked."""
 PATHS = re.compile(r"\b(?:contrib|examples|tests|tools|docs)/[\w./@-]+")
 

@@ -122,12 +122,11 @@ class Flight:
 
     def leave(self, body: str, spot_m: tuple[float, float]) -> None:
         """Land that drone alone, there; the others fly on without it."""
-        for drone in self._drones:
-            if drone.link.name == body:
-                drone.leaving_to, drone.rises = spot_m, False
-                drone.floor.reset()
-                text = f"{body} lands alone at x {spot_m[0]:.2f}, y {spot_m[1]:.2f}"
-                self._report(Severity.NOTICE, text, EventCode.EXCLUDED, body)
+        if drone := self.drone(body):
+            drone.leaving_to, drone.rises = spot_m, False
+            drone.floor.reset()
+            text = f"{body} lands alone at x {spot_m[0]:.2f}, y {spot_m[1]:.2f}"
+            self._report(Severity.NOTICE, text, EventCode.EXCLUDED, body)
 
     @property
     def is_led_home(self) -> bool:

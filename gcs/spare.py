@@ -55,7 +55,7 @@ class Spare:
 def reject_reasons(request: OperatorRequest, now: Situation, listened: Collection[int]) -> tuple[Reject, ...]:
     """Every reason for which no spare is even listened for. listened: the system ids that the ground listens to."""
     body, sysid = asked_of(request)
-    drone = next((drone for drone in now.drones if drone.link.name == body), None)
+    drone = now.flight.drone(body)
     if drone is None:
         return (Reason.NO_DRONE.of(body, ", ".join(drone.link.name for drone in now.drones)),)
     if not sysid:
